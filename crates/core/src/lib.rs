@@ -1,0 +1,20 @@
+//! The mesh observation model, its residuals and its solvers.
+//!
+//! Metres, radians, pixels. A transform is named `a_from_b`; SE(3) tangent vectors are (translation, rotation) and
+//! perturb on the right.
+
+pub mod camera;
+pub mod error;
+pub mod gradients;
+pub mod lie;
+pub mod losses;
+pub mod mesh;
+pub mod object;
+pub mod outline;
+pub mod raster;
+pub mod residuals;
+pub mod silhouette;
+pub mod solve;
+pub mod template;
+pub mod view;
+pub mod voxel;

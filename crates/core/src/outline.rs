@@ -1,0 +1,136 @@
+//! The outline of a mesh in a view: where moving a vertex moves the border of its mask.
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::camera::Camera;
+use crate::mesh::Topology;
+use crate::raster::{NEAR_M, Rect};
+
+/// A point of the outline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutlineSample {
+    /// Where it lies on the image.
+    pub pixel: Vector2<f64>,
+    /// Unit normal on the image, away from the mesh.
+    pub normal: Vector2<f64>,
+    /// The point in the camera's frame.
+    pub point_in_camera: Vector3<f64>,
+    /// The edge's vertices.
+    pub vertices: [u32; 2],
+    /// Weight of the second vertex: the point is (1 − s) γ_a + s γ_b.
+    pub weight: f64,
+    /// Length of outline that the sample stands for, pixels.
+    pub length: f64,
+}
+
+/// How far beyond the outline its outer side is probed, pixels.
+const PROBE_PX: f64 = 1.0;
+
+/// Which faces are turned to the camera.
+#[must_use]
+pub fn front_facing(points_in_camera: &[Vector3<f64>], faces: &[[u32; 3]]) -> Vec<bool> {
+    faces
+        .iter()
+        .map(|face| {
+            let [a, b, c] = face.map(|i| points_in_camera[i as usize]);
+            (b - a).cross(&(c - a)).dot(&a) < 0.0
+        })
+        .collect()
+}
+
+/// Samples of the outline every `step_px` or less within `rect`.
+///
+/// Candidates are edges between a front and a back face, and edges that bound an open mesh. A sample counts only if no
+/// face of the mesh, before or behind, covers the pixel one beyond it on its outer side; `mask` (row-major over `rect`)
+/// is the mesh's own, as [`crate::raster::fill_mask`] draws it.
+#[must_use]
+pub fn outline(
+    camera: &Camera,
+    points_in_camera: &[Vector3<f64>],
+    topology: &Topology,
+    rect: &Rect,
+    mask: &[u8],
+    step_px: f64,
+) -> Vec<OutlineSample> {
+    let front = front_facing(points_in_camera, &topology.faces);
+    let mut out = Vec::new();
+    for edge in &topology.edges {
+        let [f, g] = edge.faces.map(|i| i as usize);
+        if edge.count == 2 && front[f] == front[g] {
+            continue;
+        }
+        // of a face seen exactly from the side, the third vertex tells no side: the other face's does
+        let thirds = [f, g].map(|face| topology.faces[face].into_iter().find(|v| !edge.vertices.contains(v)));
+        let apexes = thirds.into_iter().flatten().map(|v| points_in_camera[v as usize]);
+        let [a, b] = edge.vertices.map(|v| points_in_camera[v as usize]);
+        let side = |apex: &Vector3<f64>| a.cross(&b).dot(apex).abs();
+        let Some(third) = apexes.max_by(|p, q| side(p).total_cmp(&side(q))) else { continue };
+        sample_edge(camera, points_in_camera, edge.vertices, third, step_px, |sample| {
+            let probe = sample.pixel + sample.normal * PROBE_PX;
+            let covered = rect.index(probe.x.round() as i64, probe.y.round() as i64).is_some_and(|i| mask[i] > 0);
+            let inside = rect.index(sample.pixel.x.round() as i64, sample.pixel.y.round() as i64).is_some();
+            if inside && !covered {
+                out.push(sample);
+            }
+        });
+    }
+    out
+}
+
+/// Sample the part of an edge that lies before the near plane; `third` tells which side the mesh is on.
+fn sample_edge(
+    camera: &Camera,
+    points: &[Vector3<f64>],
+    vertices: [u32; 2],
+    third: Vector3<f64>,
+    step_px: f64,
+    mut visit: impl FnMut(OutlineSample),
+) {
+    let [a, b] = vertices.map(|i| points[i as usize]);
+    let Some((start, end)) = before_near_plane(a.z, b.z) else { return };
+    let at = |s: f64| a + (b - a) * s;
+    let (p, q) = (at(start), at(end));
+    let (from, to) = (camera.project(&p), camera.project(&q));
+    let length = (to - from).norm();
+    if !length.is_finite() || length < 1e-9 {
+        return;
+    }
+    let along = (to - from) / length;
+    let mut normal = Vector2::new(along.y, -along.x);
+    // the edge's plane through the camera's centre parts the mesh's side from the outer side, also behind the near plane
+    let plane = a.cross(&b);
+    let outer = image_point_in_camera(camera, &(from + normal));
+    if plane.dot(&outer) * plane.dot(&third) > 0.0 {
+        normal = -normal;
+    }
+    let count = (length / step_px).ceil().min(4096.0) as usize;
+    for k in 0..count {
+        let t = (k as f64 + 0.5) / count as f64;
+        let within = t * p.z / (q.z + t * (p.z - q.z)); // the inverse depth is affine along the projected edge
+        let weight = start + (end - start) * within;
+        let sample = OutlineSample {
+            pixel: from + (to - from) * t,
+            normal,
+            point_in_camera: at(weight),
+            vertices,
+            weight,
+            length: length / count as f64,
+        };
+        visit(sample);
+    }
+}
+
+fn image_point_in_camera(camera: &Camera, pixel: &Vector2<f64>) -> Vector3<f64> {
+    let y = (pixel.y - camera.cy) / camera.fy;
+    Vector3::new((pixel.x - camera.cx - camera.skew * y) / camera.fx, y, 1.0)
+}
+
+/// The interval of an edge's parameter with depth at least [`NEAR_M`].
+fn before_near_plane(za: f64, zb: f64) -> Option<(f64, f64)> {
+    match (za >= NEAR_M, zb >= NEAR_M) {
+        (true, true) => Some((0.0, 1.0)),
+        (false, false) => None,
+        (true, false) => Some((0.0, (NEAR_M - za) / (zb - za))),
+        (false, true) => Some(((NEAR_M - za) / (zb - za), 1.0)),
+    }
+}

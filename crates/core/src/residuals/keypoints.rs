@@ -1,0 +1,49 @@
+//! Key points: y − Kπ(R_cᵀ(R_o V a + p_o − p_c)) (paper, Eq. 5, Proposition 2).
+
+use nalgebra::{Vector2, Vector3};
+
+use super::{Rows, Term, kernel::Kernel};
+use crate::camera::Camera;
+use crate::lie::Pose;
+use crate::raster::NEAR_M;
+
+/// A key point that was seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeypointObservation {
+    /// Which of the category's key points.
+    pub index: usize,
+    /// Where it was seen.
+    pub pixel: Vector2<f64>,
+    /// Standard deviation of each coordinate, pixels.
+    pub sigma_px: f64,
+}
+
+/// Two rows for an observation: x, then y. `association` is the key point's column of A: (vertex, weight).
+///
+/// `position_sigma_m` is how far the category's key point may lie from the instance's; it adds to the pixel's sigma at
+/// the point's depth. A point behind the camera adds nothing.
+#[allow(clippy::too_many_arguments)] // the arguments are the formula's
+pub fn keypoint_rows(
+    camera: &Camera,
+    camera_from_object: &Pose,
+    vertices: &[Vector3<f64>],
+    association: &[(u32, f64)],
+    observation: &KeypointObservation,
+    position_sigma_m: f64,
+    kernel: Kernel,
+    rows: &mut Rows,
+) {
+    let in_object: Vector3<f64> = association.iter().map(|&(v, w)| vertices[v as usize] * w).sum();
+    let in_camera = camera_from_object.transform(&in_object);
+    if in_camera.z < NEAR_M {
+        return;
+    }
+    let gap = camera.project(&in_camera) - observation.pixel;
+    let jacobian = camera.projection_jacobian(&in_camera) * camera_from_object.rotation;
+    let sigma_px = observation.sigma_px.hypot(position_sigma_m * camera.fx / in_camera.z);
+    for axis in 0..2 {
+        let gradient = jacobian.row(axis).transpose() / sigma_px;
+        let terms = association.iter().map(|&(vertex, w)| Term { vertex, gradient: gradient * w });
+        rows.push(gap[axis] / sigma_px, 1.0, kernel, terms);
+    }
+}

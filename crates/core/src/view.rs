@@ -1,0 +1,136 @@
+//! What one frame shows of one object.
+
+use nalgebra::Vector2;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result, check_finite, check_length};
+use crate::lie::Pose;
+use crate::raster::Rect;
+use crate::residuals::keypoints::KeypointObservation;
+
+/// A point of an observed mask's border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BorderPoint {
+    /// Where it lies.
+    pub pixel: Vector2<f64>,
+    /// Length of border that it stands for, pixels.
+    pub length: f64,
+    /// Whether the border is the object's own; if not (image border, occluder) the object reaches at least this far.
+    pub own: bool,
+}
+
+/// An object's mask and key points in one frame, and the camera that saw them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// The camera.
+    pub camera: Camera,
+    /// Where it stood.
+    pub world_from_camera: Pose,
+    /// When, in seconds from the time at which an object's state holds.
+    pub time_s: f64,
+    /// The pixels that the fields below cover, row-major; beyond them the distance goes on growing.
+    pub crop: Rect,
+    /// Signed distance to the observed border, pixels, negative inside the mask.
+    pub distance_px: Vec<f32>,
+    /// Where the nearest border is not the object's own.
+    pub cut: Vec<u8>,
+    /// Where an occluder hides what is behind.
+    pub hidden: Vec<u8>,
+    /// The observed border.
+    pub border: Vec<BorderPoint>,
+    /// Length of the border that is the object's own, pixels.
+    pub border_length_px: f64,
+    /// The key points seen.
+    pub keypoints: Vec<KeypointObservation>,
+}
+
+impl View {
+    /// Check that the fields fit each other.
+    ///
+    /// # Errors
+    /// [`Error`] with the field that does not fit.
+    pub fn checked(mut self, keypoint_count: usize) -> Result<Self> {
+        self.camera = self.camera.checked()?;
+        let area = self.crop.area();
+        if area == 0 {
+            return Err(Error::Range { what: "crop", expected: "at least one pixel", found: 0.0 });
+        }
+        check_length("distance", self.distance_px.len(), area)?;
+        check_length("cut", self.cut.len(), area)?;
+        check_length("hidden", self.hidden.len(), area)?;
+        if let Some(index) = self.distance_px.iter().position(|x| !x.is_finite()) {
+            return Err(Error::NotFinite { what: "distance", index, value: f64::from(self.distance_px[index]) });
+        }
+        check_finite("time", &[self.time_s])?;
+        check_finite("world_from_camera", self.world_from_camera.rotation.as_slice())?;
+        check_finite("world_from_camera", self.world_from_camera.translation.as_slice())?;
+        for point in &self.border {
+            check_finite("border", &[point.pixel.x, point.pixel.y, point.length])?;
+        }
+        for k in &self.keypoints {
+            check_finite("key point", &[k.pixel.x, k.pixel.y, k.sigma_px])?;
+            if k.index >= keypoint_count {
+                return Err(Error::Index { what: "key point", index: k.index as i64, count: keypoint_count });
+            }
+            if k.sigma_px <= 0.0 {
+                return Err(Error::Range { what: "key point sigma", expected: "positive", found: k.sigma_px });
+            }
+        }
+        self.border_length_px = self.border.iter().filter(|p| p.own).map(|p| p.length).sum();
+        Ok(self)
+    }
+
+    /// Whether a pixel lies on the image.
+    #[must_use]
+    pub fn in_image(&self, pixel: &Vector2<f64>) -> bool {
+        pixel.x >= -0.5
+            && pixel.y >= -0.5
+            && pixel.x < self.camera.width as f64 - 0.5
+            && pixel.y < self.camera.height as f64 - 0.5
+    }
+
+    /// Index of the crop's pixel nearest to a point.
+    fn nearest(&self, pixel: &Vector2<f64>) -> usize {
+        let column = (pixel.x.round() as i64 - self.crop.x0).clamp(0, self.crop.width as i64 - 1) as usize;
+        let row = (pixel.y.round() as i64 - self.crop.y0).clamp(0, self.crop.height as i64 - 1) as usize;
+        row * self.crop.width + column
+    }
+
+    /// Whether an occluder covers a pixel; beyond the crop none is known.
+    #[must_use]
+    pub fn is_hidden(&self, pixel: &Vector2<f64>) -> bool {
+        self.crop.index(pixel.x.round() as i64, pixel.y.round() as i64).is_some_and(|i| self.hidden[i] > 0)
+    }
+
+    /// Whether the observed border nearest to a pixel is the object's own.
+    #[must_use]
+    pub fn border_is_own(&self, pixel: &Vector2<f64>) -> bool {
+        self.cut[self.nearest(pixel)] == 0
+    }
+
+    /// Signed distance to the observed border, bilinear, with its gradient.
+    #[must_use]
+    pub fn distance(&self, pixel: &Vector2<f64>) -> (f64, Vector2<f64>) {
+        let (w, h) = (self.crop.width, self.crop.height);
+        let relative = pixel - Vector2::new(self.crop.x0 as f64, self.crop.y0 as f64);
+        let clamped = Vector2::new(relative.x.clamp(0.0, w as f64 - 1.0), relative.y.clamp(0.0, h as f64 - 1.0));
+        let (i, j) = ((clamped.x as usize).min(w.saturating_sub(2)), (clamped.y as usize).min(h.saturating_sub(2)));
+        let (s, t) = (clamped.x - i as f64, clamped.y - j as f64);
+        let at = |u: usize, v: usize| f64::from(self.distance_px[v.min(h - 1) * w + u.min(w - 1)]);
+        let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+        let value = (a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t;
+        let gradient = Vector2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s);
+        let beyond = relative - clamped;
+        let far = beyond.norm();
+        if far > 0.0 {
+            // off the crop the distance grows by what the point lies beyond it
+            let outward = beyond / far;
+            let inward = Vector2::new(
+                if beyond.x == 0.0 { gradient.x } else { 0.0 },
+                if beyond.y == 0.0 { gradient.y } else { 0.0 },
+            );
+            return (value + far, inward + outward);
+        }
+        (value, gradient)
+    }
+}

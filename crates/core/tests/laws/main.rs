@@ -1,0 +1,19 @@
+//! Laws of the core, over random and degenerate samples; slow, literal references stand beside them.
+#![allow(clippy::unwrap_used, clippy::panic)] // a test fails by panicking
+
+mod camera;
+mod common;
+mod envelope;
+mod kernel;
+mod levenberg_marquardt;
+mod lie;
+mod losses;
+mod mesh;
+mod object;
+mod outline;
+mod raster;
+mod residuals;
+mod template;
+mod triangulate;
+mod view;
+mod voxel;

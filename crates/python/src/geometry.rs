@@ -1,0 +1,130 @@
+//! `lie`, `camera`, `losses`, `mesh`, `voxel` and `solve::triangulate` of the core.
+
+use meshslam_core::mesh::Topology;
+use meshslam_core::residuals::kernel::Kernel;
+use meshslam_core::solve::triangulate::{Sight, triangulate as core_triangulate};
+use meshslam_core::{lie, losses, mesh, voxel};
+use nalgebra::Matrix3;
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::convert::{
+    CameraTuple, Floats1, Floats2, Ints2, camera, check_shape, faces, pixels, point_rows, points, pose, to_python,
+    vector,
+};
+
+fn matrix3<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| m[(i, j)]).collect()).collect();
+    Ok(PyArray2::from_vec2(py, &rows)?)
+}
+
+#[pyfunction]
+pub fn exp_so3<'py>(py: Python<'py>, theta: Floats1) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    matrix3(py, &lie::exp_so3(&vector("theta", &theta)?))
+}
+
+#[pyfunction]
+pub fn log_so3<'py>(py: Python<'py>, rotation: Floats2) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    check_shape("rotation", rotation.shape(), &[Some(3), Some(3)])?;
+    let a = rotation.as_array();
+    let theta = lie::log_so3(&Matrix3::from_fn(|i, j| a[[i, j]]));
+    Ok(PyArray1::from_slice(py, theta.as_slice()))
+}
+
+#[pyfunction]
+pub fn right_jacobian<'py>(py: Python<'py>, theta: Floats1) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    matrix3(py, &lie::right_jacobian(&vector("theta", &theta)?))
+}
+
+#[pyfunction]
+pub fn project<'py>(
+    py: Python<'py>,
+    camera_values: CameraTuple,
+    points_in_camera: Floats2,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let camera = camera(camera_values)?;
+    let rows: Vec<Vec<f64>> = points("points_in_camera", &points_in_camera)?
+        .iter()
+        .map(|p| {
+            if p.z > 0.0 {
+                let y = camera.project(p);
+                vec![y.x, y.y]
+            } else {
+                vec![f64::NAN; 2]
+            }
+        })
+        .collect();
+    Ok(PyArray2::from_vec2(py, &rows)?)
+}
+
+#[pyfunction]
+pub fn mask_loss<'py>(
+    py: Python<'py>,
+    observed: Floats1,
+    predicted: Floats1,
+) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+    check_shape("predicted", predicted.shape(), &[Some(observed.len())])?;
+    let (s, p): (Vec<f64>, Vec<f64>) = (observed.as_array().to_vec(), predicted.as_array().to_vec());
+    let (loss, gradient) = losses::mask_loss(&s, &p);
+    Ok((loss, PyArray1::from_vec(py, gradient)))
+}
+
+/// Edges as rows, and their weights.
+type EdgeWeights<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray1<f64>>);
+
+#[pyfunction]
+pub fn cotangent_weights<'py>(py: Python<'py>, vertices: Floats2, face_array: Ints2) -> PyResult<EdgeWeights<'py>> {
+    let vertices = points("vertices", &vertices)?;
+    let topology = Topology::new(vertices.len(), &faces(&face_array)?).map_err(to_python)?;
+    let weights = mesh::cotangent_weights(&topology, &vertices);
+    let edges: Vec<Vec<i64>> =
+        topology.edges.iter().map(|e| e.vertices.iter().map(|&v| i64::from(v)).collect()).collect();
+    Ok((PyArray2::from_vec2(py, &edges)?, PyArray1::from_vec(py, weights)))
+}
+
+#[pyfunction]
+pub fn voxel_iou(
+    py: Python,
+    vertices_a: Floats2,
+    faces_a: Ints2,
+    vertices_b: Floats2,
+    faces_b: Ints2,
+    step_m: f64,
+) -> PyResult<f64> {
+    let (va, vb) = (points("vertices_a", &vertices_a)?, points("vertices_b", &vertices_b)?);
+    let fa = Topology::new(va.len(), &faces(&faces_a)?).map_err(to_python)?.faces;
+    let fb = Topology::new(vb.len(), &faces(&faces_b)?).map_err(to_python)?.faces;
+    if !(step_m.is_finite() && step_m > 0.0) {
+        return Err(pyo3::exceptions::PyValueError::new_err(format!("step_m must be positive, found {step_m}")));
+    }
+    Ok(py.detach(|| voxel::voxel_iou(&va, &fa, &vb, &fb, step_m)))
+}
+
+/// A point in the world and its covariance, as rows.
+type PointEstimate<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+#[pyfunction]
+pub fn triangulate<'py>(
+    py: Python<'py>,
+    camera_values: CameraTuple,
+    camera_from_world: Vec<Floats2>,
+    observed: Floats2,
+    sigma_px: Floats1,
+    cauchy: f64,
+) -> PyResult<Option<PointEstimate<'py>>> {
+    let camera = camera(camera_values)?;
+    let observed = pixels("pixels", &observed)?;
+    check_shape("camera_from_world", &[camera_from_world.len()], &[Some(observed.len())])?;
+    check_shape("sigma_px", sigma_px.shape(), &[Some(observed.len())])?;
+    let sigma = sigma_px.as_array();
+    let mut sights = Vec::with_capacity(observed.len());
+    for (k, (matrix, pixel)) in camera_from_world.iter().zip(observed).enumerate() {
+        sights.push(Sight { camera, camera_from_world: pose("camera_from_world", matrix)?, pixel, sigma_px: sigma[k] });
+    }
+    match py.detach(|| core_triangulate(&sights, Kernel::Cauchy(cauchy))) {
+        None => Ok(None),
+        Some((point, covariance)) => {
+            Ok(Some((PyArray2::from_vec2(py, &point_rows(&[point]))?, matrix3(py, &covariance)?)))
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! `gradients` and `silhouette` of the core.
+
+use meshslam_core::camera::Camera;
+use meshslam_core::gradients::exact::{Workspace, exact_gradient};
+use meshslam_core::gradients::kato::{Picture, kato_gradient, pixel_gradient};
+use meshslam_core::gradients::{MaskGradient, ObservedMask};
+use meshslam_core::lie::Pose;
+use meshslam_core::mesh::Topology;
+use meshslam_core::raster::Rect;
+use meshslam_core::silhouette::Silhouette;
+use nalgebra::Vector3;
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::convert::{CameraTuple, Floats2, Ints2, camera, check_shape, faces, pixels, points, pose, to_python};
+
+/// The mask loss of one topology against one observed mask in one camera.
+#[pyclass(frozen)]
+pub struct MaskLoss {
+    camera: Camera,
+    topology: Topology,
+    observed: ObservedMask,
+}
+
+/// (loss, intersection, union, over vertices, over the object's pose, over the camera's).
+type Gradient<'py> = (f64, f64, f64, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+fn to_arrays<'py>(py: Python<'py>, g: MaskGradient) -> PyResult<Gradient<'py>> {
+    let flat: Vec<f64> = g.vertices.iter().flat_map(|v| [v.x, v.y, v.z]).collect();
+    let rows = Array2::from_shape_vec((g.vertices.len(), 3), flat).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let object = PyArray1::from_slice(py, g.object.as_slice());
+    let camera = PyArray1::from_slice(py, g.camera.as_slice());
+    Ok((g.loss, g.intersection, g.union, rows.into_pyarray(py), object, camera))
+}
+
+fn vertex_rows(what: &'static str, array: &Floats2, count: usize) -> PyResult<Vec<Vector3<f64>>> {
+    check_shape(what, array.shape(), &[Some(count), Some(3)])?;
+    points(what, array)
+}
+
+#[pymethods]
+impl MaskLoss {
+    #[new]
+    fn new(
+        camera_values: CameraTuple,
+        vertex_count: usize,
+        face_array: Ints2,
+        mask: PyReadonlyArray2<u8>,
+        origin: (i64, i64),
+    ) -> PyResult<Self> {
+        let topology = Topology::new(vertex_count, &faces(&face_array)?).map_err(to_python)?;
+        let rect = Rect { x0: origin.0, y0: origin.1, width: mask.shape()[1], height: mask.shape()[0] };
+        let values: Vec<u8> = mask.as_array().iter().copied().collect();
+        let observed = ObservedMask::new(rect, &values).map_err(to_python)?;
+        Ok(Self { camera: camera(camera_values)?, topology, observed })
+    }
+
+    /// Loss and gradient at a pose; `kato` takes Kato's gradient, else it is exact.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        camera_from_object: Floats2,
+        vertices: Floats2,
+        kato: bool,
+    ) -> PyResult<Gradient<'py>> {
+        let pose = pose("camera_from_object", &camera_from_object)?;
+        let vertices = vertex_rows("vertices", &vertices, self.topology.vertex_count)?;
+        let found = py.detach(|| self.evaluate(&pose, &vertices, kato, &mut Workspace::default()));
+        to_arrays(py, found)
+    }
+
+    /// The mask as it is drawn over the whole image.
+    fn draw<'py>(
+        &self,
+        py: Python<'py>,
+        camera_from_object: Floats2,
+        vertices: Floats2,
+    ) -> PyResult<Bound<'py, PyArray2<u8>>> {
+        let pose = pose("camera_from_object", &camera_from_object)?;
+        let vertices = vertex_rows("vertices", &vertices, self.topology.vertex_count)?;
+        let mut picture = Array2::zeros((self.camera.height, self.camera.width));
+        let points: Vec<Vector3<f64>> = vertices.iter().map(|v| pose.transform(v)).collect();
+        let mut drawn = Silhouette::default();
+        drawn.draw(&self.camera, &points, &self.topology, 1);
+        let rect = drawn.rect;
+        for (i, _) in drawn.mask.iter().enumerate().filter(|(_, m)| **m > 0) {
+            picture[[rect.y0 as usize + i / rect.width, rect.x0 as usize + i % rect.width]] = 1;
+        }
+        Ok(picture.into_pyarray(py))
+    }
+
+    /// Seconds of one exact evaluation, the least and the median of `runs`, without what crosses from Python.
+    fn time(&self, py: Python, camera_from_object: Floats2, vertices: Floats2, runs: usize) -> PyResult<(f64, f64)> {
+        let pose = pose("camera_from_object", &camera_from_object)?;
+        let vertices = vertex_rows("vertices", &vertices, self.topology.vertex_count)?;
+        let mut seconds: Vec<f64> = py.detach(|| {
+            let mut work = Workspace::default();
+            let mut once = || {
+                let start = std::time::Instant::now();
+                std::hint::black_box(self.evaluate(std::hint::black_box(&pose), &vertices, false, &mut work));
+                start.elapsed().as_secs_f64()
+            };
+            (0..runs.max(1)).map(|_| once()).collect()
+        });
+        seconds.sort_unstable_by(f64::total_cmp);
+        Ok((seconds[0], seconds[seconds.len() / 2]))
+    }
+}
+
+impl MaskLoss {
+    fn evaluate(&self, pose: &Pose, vertices: &[Vector3<f64>], kato: bool, work: &mut Workspace) -> MaskGradient {
+        if kato {
+            kato_gradient(&self.camera, pose, vertices, &self.topology, &self.observed)
+        } else {
+            exact_gradient(&self.camera, pose, vertices, &self.topology, &self.observed, work)
+        }
+    }
+}
+
+/// Exact loss and gradient of one mesh in many views, side by side on `threads` threads (0: all).
+#[pyfunction]
+pub fn mask_gradients<'py>(
+    py: Python<'py>,
+    losses: Vec<Bound<'py, MaskLoss>>,
+    camera_from_object: PyReadonlyArray3<f64>,
+    vertices: Floats2,
+    threads: usize,
+) -> PyResult<Vec<Gradient<'py>>> {
+    check_shape("camera_from_object", camera_from_object.shape(), &[Some(losses.len()), Some(4), Some(4)])?;
+    let stack = camera_from_object.as_array();
+    let mut poses = Vec::with_capacity(losses.len());
+    for matrix in stack.outer_iter() {
+        poses.push(Pose {
+            rotation: nalgebra::Matrix3::from_fn(|i, j| matrix[[i, j]]),
+            translation: Vector3::from_fn(|i, _| matrix[[i, 3]]),
+        });
+    }
+    meshslam_core::error::check_finite("camera_from_object", &stack.iter().copied().collect::<Vec<_>>())
+        .map_err(to_python)?;
+    let count = losses.first().map_or(0, |l| l.get().topology.vertex_count);
+    let vertices = vertex_rows("vertices", &vertices, count)?;
+    if let Some(odd) = losses.iter().position(|l| l.get().topology.vertex_count != count) {
+        return Err(PyValueError::new_err(format!("loss {odd} is of a mesh with another number of vertices")));
+    }
+    let views: Vec<&MaskLoss> = losses.iter().map(|l| l.get()).collect();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let found: Vec<MaskGradient> = py.detach(|| {
+        pool.install(|| {
+            let pairs = views.par_iter().zip(&poses);
+            pairs
+                .map_init(Workspace::default, |work, (loss, pose)| loss.evaluate(pose, &vertices, false, work))
+                .collect()
+        })
+    });
+    found.into_iter().map(|g| to_arrays(py, g)).collect()
+}
+
+/// Kato's gradient over vertex pixels of a picture: which face each pixel shows, and the loss's slope there.
+#[pyfunction]
+pub fn kato_pixel_gradient<'py>(
+    py: Python<'py>,
+    vertex_pixels: Floats2,
+    face_array: Ints2,
+    face_index: PyReadonlyArray2<i32>,
+    slope: Floats2,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let vertices = pixels("vertex_pixels", &vertex_pixels)?;
+    let topology = Topology::new(vertices.len(), &faces(&face_array)?).map_err(to_python)?;
+    let (height, width) = (face_index.shape()[0], face_index.shape()[1]);
+    check_shape("slope", slope.shape(), &[Some(height), Some(width)])?;
+    let face: Vec<i32> = face_index.as_array().iter().copied().collect();
+    if let Some(&odd) = face.iter().find(|f| **f >= topology.faces.len() as i32) {
+        return Err(pyo3::exceptions::PyIndexError::new_err(format!(
+            "face_index holds {odd}, there are {} faces",
+            topology.faces.len()
+        )));
+    }
+    let slope: Vec<f64> = slope.as_array().iter().copied().collect();
+    let rect = Rect { x0: 0, y0: 0, width, height };
+    let found = pixel_gradient(&vertices, &topology.faces, &Picture { rect, face: &face, slope: &slope });
+    let rows: Vec<Vec<f64>> = found.iter().map(|g| vec![g.x, g.y]).collect();
+    Ok(PyArray2::from_vec2(py, &rows)?)
+}

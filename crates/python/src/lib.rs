@@ -1,0 +1,23 @@
+//! The Python binding: shapes and indices are checked here, the GIL is released, errors are mapped; no logic.
+
+mod convert;
+mod geometry;
+mod gradients;
+mod object;
+mod raster;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::geometry::{
+        cotangent_weights, exp_so3, log_so3, mask_loss, project, right_jacobian, triangulate, voxel_iou,
+    };
+    #[pymodule_export]
+    use super::gradients::{MaskLoss, kato_pixel_gradient, mask_gradients};
+    #[pymodule_export]
+    use super::object::{Template, View};
+    #[pymodule_export]
+    use super::raster::{outline, rasterize};
+}
