@@ -1,0 +1,55 @@
+# One set of targets for people and for CI. `make help` lists them.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.setup-done
+RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock rustfmt.toml
+
+export OMP_NUM_THREADS ?= 2
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+
+.PHONY: help setup demo test lint format bench bench-render clean
+.DEFAULT_GOAL := help
+
+help: ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+setup: $(STAMP) ## virtual environment in .venv with the release build: .venv/bin/meshslam
+
+$(VENV)/.packages: requirements.lock
+	@command -v cargo >/dev/null || { echo "meshslam builds its core with Rust 1.89 or newer: install it (rustup, or your distribution's cargo)"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	@touch $@
+
+$(STAMP): $(VENV)/.packages pyproject.toml $(RUST)
+	$(BIN)/maturin develop --release --quiet
+	@touch $@
+
+demo: setup ## the main job on a street that is generated here: report in demo/run/report.html
+	$(BIN)/meshslam demo --out demo --overwrite
+
+test: setup ## every test
+	$(BIN)/python scripts/test.py
+
+lint: setup ## formatting, clippy, ruff, mypy, import arrows, stub against binary: warnings are errors
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --release --quiet -- -D warnings
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m mypy.stubtest meshslam._core
+
+format: setup ## format and mend what can be mended
+	cargo fmt --all
+	$(BIN)/ruff check --fix --quiet .
+	$(BIN)/ruff format --quiet .
+
+bench: bench-render ## every benchmark: figures and plots in benchmarks/out
+
+bench-render: setup ## the renderer and its gradients side by side with DEODR and OpenCV
+	$(BIN)/python benchmarks/render.py
+
+clean: ## remove what was built
+	rm -rf $(VENV) target demo benchmarks/out
