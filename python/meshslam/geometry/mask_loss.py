@@ -1,0 +1,83 @@
+"""L_mask of a drawn mesh and its gradients (paper, Eq. 2 and Propositions 1 and 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from meshslam import _core
+from meshslam.geometry.arrays import Bytes, Floats, Ints
+from meshslam.geometry.camera import Camera
+from meshslam.geometry.native import floats, geometry_errors, ints
+from meshslam.geometry.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class MaskGradient:
+    """The loss -I/U with its gradients; areas in pixels."""
+
+    loss: float
+    intersection: float
+    union: float
+    vertices: Floats  # (V, 3), over the vertices in the object's frame, 1/m
+    object: Floats  # (6,), over a right perturbation of world_from_object
+    camera: Floats  # (6,), over a right perturbation of world_from_camera
+
+
+class MaskLoss:
+    """The loss of one mesh topology against one observed mask in one camera."""
+
+    def __init__(
+        self, camera: Camera, vertex_count: int, faces: Ints, mask: Bytes, origin: tuple[int, int] = (0, 0)
+    ) -> None:
+        """Take faces (F, 3) and a mask (h, w) whose first pixel is `origin` (x, y); beyond it nothing is observed."""
+        with geometry_errors():
+            self._native = _core.MaskLoss(
+                camera.values, vertex_count, ints(faces), np.ascontiguousarray(mask, np.uint8), origin
+            )
+
+    def gradient(
+        self, camera_from_object: Pose, vertices: Floats, method: Literal["exact", "kato"] = "exact"
+    ) -> MaskGradient:
+        """Loss and gradient at a pose with vertices (V, 3).
+
+        `exact` integrates over the mask's outline; `kato` is the paper's approximation (Kato, Ushiku and Harada 2018).
+        """
+        with geometry_errors():
+            return MaskGradient(
+                *self._native.gradient(floats(camera_from_object.matrix), floats(vertices), method == "kato")
+            )
+
+    def draw(self, camera_from_object: Pose, vertices: Floats) -> Bytes:
+        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 6)."""
+        with geometry_errors():
+            return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
+
+    def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> tuple[float, float]:
+        """Least and median time of one exact evaluation, drawing and chain rule included."""
+        with geometry_errors():
+            return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
+
+
+def mask_gradients(
+    losses: Sequence[MaskLoss], camera_from_object: Sequence[Pose], vertices: Floats, threads: int = 0
+) -> list[MaskGradient]:
+    """Exact gradients of one mesh in many views, side by side on `threads` threads (0: all)."""
+    poses = floats(np.array([pose.matrix for pose in camera_from_object]).reshape(-1, 4, 4))
+    with geometry_errors():
+        found = _core.mask_gradients([loss._native for loss in losses], poses, floats(vertices), threads)
+    return [MaskGradient(*row) for row in found]
+
+
+def kato_pixel_gradient(vertex_pixels: Floats, faces: Ints, face_index: Ints, slope: Floats) -> Floats:
+    """Kato's gradient (V, 2) over vertex pixels (V, 2).
+
+    `face_index` (h, w) is the face that each pixel shows, -1 for none; `slope` (h, w) is the loss's over its colour.
+    """
+    with geometry_errors():
+        return _core.kato_pixel_gradient(
+            floats(vertex_pixels), ints(faces), np.ascontiguousarray(face_index, np.int32), floats(slope)
+        )

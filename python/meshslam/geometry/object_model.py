@@ -1,0 +1,252 @@
+"""The observation model of one object and its solver: V = mean + B z + S d, seen as masks and key points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshslam import _core
+from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry.camera import Camera
+from meshslam.geometry.native import floats, geometry_errors, ints
+from meshslam.geometry.pose import Pose
+
+View = _core.View
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """What is believed of the noise, and of shapes before they are seen."""
+
+    border_sigma_px: float = 1.5  # of an observed mask's border
+    border_correlation_px: float = 25.0  # length of border over which its error is one and the same
+    border_kernel: float = 3.0  # Huber's threshold, in sigmas
+    border_cap_px: float = 60.0  # residuals are cut here
+    outline_step_px: float = 2.0  # spacing of the outline's samples
+    keypoint_position_sigma_m: float = 0.10  # the category's key points against the instance's
+    keypoint_kernel: float = 3.0  # Geman and McClure's threshold, in sigmas
+    free_form_sigma_m: float = 0.10  # of a vertex's free displacement
+    smoothness_sigma_m: float = 0.01  # of its parting from its neighbours' average
+
+    @property
+    def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
+        """The fields in the order in which the core takes them."""
+        return (
+            self.border_sigma_px,
+            self.border_correlation_px,
+            self.border_kernel,
+            self.border_cap_px,
+            self.outline_step_px,
+            self.keypoint_position_sigma_m,
+            self.keypoint_kernel,
+            self.free_form_sigma_m,
+            self.smoothness_sigma_m,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPlane:
+    """The road near an object: normal . x = offset_m, in the world."""
+
+    normal: Floats  # (3,), unit, up
+    offset_m: float
+    height_sigma_m: float
+    tilt_sigma_rad: float
+
+    @property
+    def values(self) -> tuple[list[float], float, float, float]:
+        """The fields in the order in which the core takes them."""
+        return ([float(x) for x in self.normal], self.offset_m, self.height_sigma_m, self.tilt_sigma_rad)
+
+    def height_m(self, point_in_world: Floats) -> float:
+        """Height of a point (3,) over the plane."""
+        return float(self.normal @ point_in_world) - self.offset_m
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectState:
+    """Where an object is and what it looks like."""
+
+    world_from_object: Pose
+    z: Floats  # (modes,), in standard deviations
+    d: Floats  # free-form displacement, metres, one entry a degree of freedom of the symmetry basis
+    velocity: Floats  # (3,) in the world, m/s; the pose holds at time 0
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What one iteration of the solver did."""
+
+    cost: float
+    new_cost: float
+    damping: float
+    rejected: int
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Where the solver ended, and how."""
+
+    state: ObjectState
+    cost: float
+    stop: str  # converged, no descent, iteration limit
+    iterations: tuple[Iteration, ...]
+
+
+class ObjectModel:
+    """A category's mesh, shape space, symmetry and key points, ready for the solver."""
+
+    def __init__(
+        self,
+        vertices: Floats,
+        faces: Ints,
+        modes: Floats,
+        mirror: Ints | None,
+        keypoint_weights: Floats,
+        wheel_vertices: Ints,
+    ) -> None:
+        """Take the mean (V, 3), faces (F, 3), modes (M, V, 3), mirror (V,), A transposed (K, V), wheels (n,)."""
+        self.faces = ints(faces)
+        self.keypoint_count = len(keypoint_weights)
+        self.mode_count = len(modes)
+        with geometry_errors():
+            self._template = _core.Template(
+                floats(vertices),
+                self.faces,
+                floats(modes),
+                None if mirror is None else ints(mirror),
+                floats(keypoint_weights),
+                ints(wheel_vertices),
+            )
+
+    def state_at(self, world_from_object: Pose) -> ObjectState:
+        """The mean shape at a pose."""
+        d = np.zeros(self._template.free_form_dimension)
+        return ObjectState(world_from_object, np.zeros(self.mode_count), d, np.zeros(3))
+
+    def vertices(self, state: ObjectState) -> Floats:
+        """Vertices (V, 3) of a state's shape, in the object's frame."""
+        return self._template.vertices(floats(state.z), floats(state.d))
+
+    def view(
+        self,
+        camera: Camera,
+        world_from_camera: Pose,
+        *,
+        time_s: float = 0.0,
+        origin: tuple[int, int],
+        distance_px: Floats,
+        cut: Bools,
+        hidden: Bools,
+        border: Floats,
+        border_length_px: Floats,
+        border_own: Bools,
+        keypoint_index: Ints,
+        keypoint_pixels: Floats,
+        keypoint_sigma_px: Floats,
+    ) -> View:
+        """What one frame shows of the object at `time_s`, over a crop whose first pixel is `origin` (x, y).
+
+        `distance_px` (h, w): signed distance to the observed border, negative inside. `cut`: the nearest border is not
+        the object's own. `hidden`: an occluder covers the pixel. `border` (n, 2), with the length that each point
+        stands for and whether it is the object's own. Key points (k,), (k, 2), (k,).
+        """
+        with geometry_errors():
+            return _core.View(
+                camera.values,
+                floats(world_from_camera.matrix),
+                time_s,
+                origin,
+                np.ascontiguousarray(distance_px, np.float32),
+                np.ascontiguousarray(cut, np.uint8),
+                np.ascontiguousarray(hidden, np.uint8),
+                floats(border.reshape(-1, 2)),
+                floats(border_length_px),
+                np.ascontiguousarray(border_own, np.bool_),
+                ints(keypoint_index),
+                floats(keypoint_pixels.reshape(-1, 2)),
+                floats(keypoint_sigma_px),
+                self.keypoint_count,
+            )
+
+    def refine(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+        max_iterations: int = 30,
+    ) -> Refined:
+        """Lower the cost over the pose, and over modes, free-form shape and velocity if asked, by Levenberg-Marquardt.
+
+        A step is taken only if the true cost falls; the result is the best state seen, converged or not.
+        """
+        with geometry_errors():
+            pose, z, d, v, cost, stop, rows = self._template.refine(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                max_iterations,
+            )
+        iterations = tuple(Iteration(*row) for row in rows)
+        return Refined(ObjectState(Pose.from_matrix(pose), z, d, v), cost, stop, iterations)
+
+    def uncertainty(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+        per_vertex: bool = True,
+    ) -> tuple[Floats, Floats, Bools]:
+        """Covariance (6, 6) of the pose at the mesh's centre, sigma (V,) of each vertex in metres, which were observed.
+
+        GeometryError where nothing holds a parameter.
+        """
+        with geometry_errors():
+            return self._template.uncertainty(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                per_vertex,
+            )
+
+    def border_distances_px(self, views: Sequence[View], state: ObjectState, step_px: float) -> list[Floats]:
+        """Signed distance from each border point to the outline, in the points' order, an array a view.
+
+        Positive where the outline lies outside; NaN where the border is not the object's own.
+        """
+        with geometry_errors():
+            return self._template.border_distances(
+                list(views),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                step_px,
+            )
+
+    def mask_ious(self, views: Sequence[View], poses: Sequence[Pose], vertices: Floats) -> Floats:
+        """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed."""
+        with geometry_errors():
+            return self._template.mask_ious(list(views), [floats(p.matrix) for p in poses], floats(vertices))
