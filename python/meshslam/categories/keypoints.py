@@ -1,0 +1,44 @@
+"""Key points as fixed sums of vertices."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from meshslam.geometry.arrays import Floats, Ints
+
+LEAST_SHARE = 0.02
+
+
+def point_weights(shapes: Floats, points: Floats, candidates: int = 40) -> Floats:
+    """Weights (K, V), few of them positive and none negative, so that `weights @ shape` is nearest to the points.
+
+    shapes (N, V, 3), points (N, K, 3) of the same frames. For each point the vertices that stay nearest to it share
+    a weight of 1 by non-negative least squares over all shapes, which leaves most of them at zero.
+    """
+    weights = np.zeros((points.shape[1], shapes.shape[1]))
+    for k in range(points.shape[1]):
+        gap = ((shapes - points[:, k : k + 1]) ** 2).sum(2).mean(0)
+        near = np.sort(np.argsort(gap, kind="stable")[:candidates])
+        weights[k, near] = _shares(shapes[:, near], points[:, k])
+    return weights
+
+
+def mirrored_weights(weights: Floats, mirror: Ints, names: tuple[str, ...]) -> Floats:
+    """The weights (K, V) with each right point's row made the mirror image of its left twin's, by the names."""
+    result = weights.copy()
+    for row, name in enumerate(names):
+        if "right" in name:
+            result[row] = weights[names.index(name.replace("right", "left"))][mirror]
+    return result
+
+
+def _shares(corners: Floats, points: Floats) -> Floats:
+    """Non-negative shares (C,) of sum 1 that take corners (N, C, 3) nearest to points (N, 3)."""
+    origin = points.mean(0)
+    system = (corners - origin).transpose(0, 2, 1).reshape(-1, corners.shape[1])
+    whole = 1e3 * np.sqrt((system**2).sum(0).mean())
+    found, _ = nnls(np.vstack([system, np.full(corners.shape[1], whole)]), np.append((points - origin).ravel(), whole))
+    kept = np.where(found > LEAST_SHARE * found.sum(), found, 0.0)
+    shares: Floats = kept / kept.sum()
+    return shares

@@ -1,0 +1,1 @@
+"""Procedural families: parametric solids from which a category's shape space is built."""
