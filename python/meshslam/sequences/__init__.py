@@ -1,0 +1,25 @@
+"""Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
+
+from meshslam.sequences.check import check_sequence
+from meshslam.sequences.distortion import Distortion
+from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
+from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
+from meshslam.sequences.report import Problem
+from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+
+__all__ = [
+    "LOADERS",
+    "Distortion",
+    "ImuSamples",
+    "InitialState",
+    "LoadOptions",
+    "Loader",
+    "Problem",
+    "Sequence",
+    "camera_yaml",
+    "check_sequence",
+    "find_loader",
+    "open_sequence",
+    "write_sequence_folder",
+]

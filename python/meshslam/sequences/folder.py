@@ -1,0 +1,230 @@
+"""The sequence folder: camera.yaml, times.txt, images/ or detections.json; poses, IMU, initial state where known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshslam.errors import GeometryError, SequenceError
+from meshslam.geometry import Camera, Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.sequences.distortion import Distortion
+from meshslam.sequences.images import are_numbered, frame_numbers, list_images
+from meshslam.sequences.loader import LoadOptions
+from meshslam.sequences.report import IncompleteError, Report, fail
+from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.text import check_increasing, numbers_of, pose_of, read_csv, read_times, read_yaml
+from meshslam.sequences.tum import read_tum
+
+IMU_COLUMNS = ("timestamp", "wx", "wy", "wz", "ax", "ay", "az")
+CAMERA_KEYS = (
+    "model",
+    "resolution",
+    "intrinsics",
+    "skew",
+    "distortion_model",
+    "distortion_coeffs",
+    "imu_from_camera",
+    "height_above_ground_m",
+)
+POSE_TOLERANCE_S = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFile:
+    """What camera.yaml says."""
+
+    camera: Camera
+    distortion: Distortion | None = None
+    imu_from_camera: Pose | None = None
+    height_above_ground_m: float | None = None
+
+
+@dataclass(frozen=True)
+class SequenceFolder:
+    """Frame numbers are the images' names where every name is a number, else counted from 0."""
+
+    name: str = "folder"
+    looks_for: str = "a folder that holds camera.yaml and times.txt"
+
+    def recognizes(self, path: Path) -> bool:
+        """By its files."""
+        parts = ("times.txt", "images", "detections.json")
+        return (path / "camera.yaml").is_file() or sum((path / part).exists() for part in parts) > 1
+
+    def image_files(self, path: Path, options: LoadOptions) -> list[Path]:
+        """Everything in images/; see Loader."""
+        return list_images(path / "images") if (path / "images").exists() else []
+
+    def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
+        """Read all but images and detections; see Loader."""
+        if options.camera_number is not None:
+            raise SequenceError(f"{path}: a sequence folder has one camera: leave out the camera number")
+        camera = report.attempt(lambda: read_camera_file(path / "camera.yaml", report))
+        times_s = report.attempt(lambda: read_times(path / "times.txt", report))
+        images = report.attempt(lambda: self.image_files(path, options)) or []
+        poses = report.attempt(lambda: _known_poses(path / "poses.tum", times_s, report))
+        imu = report.attempt(lambda: _imu(path / "imu.csv", report))
+        start = report.attempt(lambda: _initial_state(path / "initial_state.yaml", report))
+        if camera is None or times_s is None:
+            raise IncompleteError(f"{path}: nothing to load")
+        if imu is not None and camera.imu_from_camera is None:
+            report.add(path / "camera.yaml", "imu_from_camera", "key is missing: imu.csv needs it, a 4x4 matrix")
+        if imu is not None and (imu.times_s[0] > times_s[-1] or imu.times_s[-1] < times_s[0]):
+            report.add(path / "imu.csv", "", "no sample lies between the first and the last frame: another clock?")
+        frame_ids = _frame_ids(path, times_s, images, report)
+        count = len(frame_ids)
+        return Sequence(
+            name=path.resolve().name,
+            layout=self.name,
+            root=path,
+            camera=camera.camera,
+            frame_ids=frame_ids,
+            times_s=times_s[:count],
+            image_paths=tuple(images[:count]) or None,
+            world_from_camera=None if poses is None else poses[:count],
+            detections_path=_detections(path, options, images),
+            imu=imu,
+            imu_from_camera=camera.imu_from_camera,
+            initial_state=start,
+            height_above_ground_m=camera.height_above_ground_m,
+            distortion=camera.distortion,
+        )
+
+
+def read_camera_file(path: Path, report: Report) -> CameraFile:
+    """Read a camera.yaml; unknown keys are only noted."""
+    content = read_yaml(path)
+    for key in content.keys() - set(CAMERA_KEYS):
+        report.note(path, key, f"unknown key; known are {', '.join(CAMERA_KEYS)}")
+    if content.get("model", "pinhole") != "pinhole":
+        report.add(path, "model", f"expected pinhole, found {content['model']!r}")
+    raw = _camera(path, content, report)
+    extrinsics, height = content.get("imu_from_camera"), content.get("height_above_ground_m")
+    distortion = report.attempt(lambda: _distortion(path, content, raw))
+    return CameraFile(
+        camera=raw,
+        distortion=distortion,
+        imu_from_camera=None
+        if extrinsics is None
+        else report.attempt(lambda: pose_of(path, "imu_from_camera", extrinsics)),
+        height_above_ground_m=None
+        if height is None
+        else report.attempt(lambda: _positive(path, "height_above_ground_m", height)),
+    )
+
+
+def _camera(path: Path, content: dict[str, Any], report: Report) -> Camera:
+    size = report.attempt(lambda: _required(path, content, "resolution", 2))
+    intrinsics = report.attempt(lambda: _required(path, content, "intrinsics", 4))
+    skew = report.attempt(lambda: numbers_of(path, "skew", content.get("skew", 0.0)).reshape(-1))
+    if size is None or intrinsics is None or skew is None:
+        raise IncompleteError(f"{path}: no camera")
+    if (size != np.round(size)).any() or (size < 1).any():
+        raise fail(path, "resolution", f"expected [width, height] in whole pixels, found {size.tolist()}")
+    if len(skew) != 1:
+        raise fail(path, "skew", f"expected one number, found {skew.tolist()}")
+    fx, fy, cx, cy = (float(value) for value in intrinsics)
+    try:
+        return Camera(int(size[0]), int(size[1]), fx, fy, cx, cy, float(skew[0]))
+    except GeometryError as error:
+        raise fail(path, "intrinsics", str(error)) from None
+
+
+def _required(path: Path, content: dict[str, Any], key: str, size: int) -> Floats:
+    if content.get(key) is None:
+        raise fail(path, key, f"key is missing, expected {size} numbers")
+    values = numbers_of(path, key, content[key]).reshape(-1)
+    if len(values) != size:
+        raise fail(path, key, f"expected {size} numbers, found {len(values)}")
+    return values
+
+
+def _positive(path: Path, key: str, value: object) -> float:
+    values = numbers_of(path, key, value).reshape(-1)
+    if len(values) != 1 or values[0] <= 0:
+        raise fail(path, key, f"expected a positive number, found {value!r}")
+    return float(values[0])
+
+
+def _distortion(path: Path, content: dict[str, Any], raw: Camera) -> Distortion | None:
+    model = content.get("distortion_model") or "none"
+    coefficients = numbers_of(path, "distortion_coeffs", content.get("distortion_coeffs") or []).reshape(-1)
+    if model == "none":
+        if coefficients.any():
+            raise fail(path, "distortion_model", "is none, but distortion_coeffs are given; expected radtan")
+        return None
+    if model != "radtan":
+        raise fail(path, "distortion_model", f"expected none or radtan, found {model!r}")
+    if len(coefficients) not in (4, 5):
+        raise fail(
+            path, "distortion_coeffs", f"radtan has k1, k2, p1, p2 and perhaps k3, found {len(coefficients)} numbers"
+        )
+    if not coefficients.any():
+        return None
+    try:
+        return Distortion(raw, raw, coefficients)
+    except GeometryError as error:
+        raise fail(path, "distortion_coeffs", str(error)) from None
+
+
+def _detections(path: Path, options: LoadOptions, images: list[Path]) -> Path | None:
+    own = path / "detections.json"
+    chosen = options.detections_path or (own if own.is_file() else None)
+    if chosen is None and not images:
+        raise fail(path, "", "neither images/ nor detections.json is there: one of them is needed")
+    return chosen
+
+
+def _frame_ids(path: Path, times_s: Floats, images: list[Path], report: Report) -> tuple[int, ...]:
+    if not images:
+        return tuple(range(len(times_s)))
+    if len(images) != len(times_s):
+        report.add(path / "times.txt", "", f"{len(times_s)} times, but images/ holds {len(images)} images")
+    numbers = frame_numbers(images) if are_numbered(images) else tuple(range(len(images)))
+    return numbers[: len(times_s)]
+
+
+def _known_poses(path: Path, times_s: Floats | None, report: Report) -> tuple[Pose, ...] | None:
+    """Poses of the frames, nearest in time; a frame without one within 5 ms is a problem."""
+    if not path.exists():
+        return None
+    pose_times_s, poses = read_tum(path, report)
+    if times_s is None:
+        return None
+    tolerance_s = min([POSE_TOLERANCE_S, *(np.abs(np.diff(times_s)) / 2)])
+    nearest = np.abs(times_s[:, None] - pose_times_s[None]).argmin(axis=1)
+    gaps_s = np.abs(times_s - pose_times_s[nearest])
+    for i in np.flatnonzero(gaps_s > tolerance_s):
+        what = f"no pose for frame {i} at {times_s[i]:.6f} s: the nearest is {1e3 * gaps_s[i]:.1f} ms away"
+        report.add(
+            path, "", f"{what}, {1e3 * tolerance_s:.1f} ms are allowed; {len(poses)} poses, {len(times_s)} frames"
+        )
+    return tuple(poses[i] for i in nearest)
+
+
+def _imu(path: Path, report: Report) -> ImuSamples | None:
+    if not path.exists():
+        return None
+    table = read_csv(path, IMU_COLUMNS, report)
+    if not len(table.rows):
+        raise fail(path, "", "holds no samples")
+    check_increasing(path, table.rows[:, 0], table.lines, report)
+    return ImuSamples(table.rows[:, 0], table.rows[:, 1:4], table.rows[:, 4:7])
+
+
+def _initial_state(path: Path, report: Report) -> InitialState | None:
+    if not path.exists():
+        return None
+    content = read_yaml(path)
+    time = report.attempt(lambda: _required(path, content, "timestamp", 1))
+    velocity = report.attempt(lambda: _required(path, content, "velocity_in_world", 3))
+    if content.get("world_from_camera") is None:
+        raise fail(path, "world_from_camera", "key is missing, expected a 4x4 matrix")
+    pose = report.attempt(lambda: pose_of(path, "world_from_camera", content["world_from_camera"]))
+    if time is None or velocity is None or pose is None:
+        raise IncompleteError(f"{path}: no initial state")
+    return InitialState(float(time[0]), pose, velocity)

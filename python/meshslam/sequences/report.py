@@ -1,0 +1,77 @@
+"""How readers say what is wrong: the first problem is raised, or every problem is collected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from meshslam.errors import SequenceError
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with an input."""
+
+    file: Path
+    where: str  # the line or key, empty for the file as a whole
+    what: str  # what was found, and what was expected
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.where}: {self.what}" if self.where else f"{self.file}: {self.what}"
+
+
+class FoundError(SequenceError):
+    """One problem, raised."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(str(problem))
+        self.problem = problem
+
+
+class IncompleteError(SequenceError):
+    """Nothing can be made of a part whose problems are reported already."""
+
+
+class Report:
+    """Handed to every reader: `add` raises at once, or collects where the caller wants all problems."""
+
+    def __init__(self, *, collect: bool = False) -> None:
+        self._collect = collect
+        self._problems: dict[Problem, None] = {}
+
+    @property
+    def problems(self) -> list[Problem]:
+        """What was found so far, in order, each once."""
+        return list(self._problems)
+
+    def add(self, file: Path, where: str, what: str) -> None:
+        """Report a problem that reading can go on behind; raises FoundError unless this report collects."""
+        problem = Problem(file, where, what)
+        if not self._collect:
+            raise FoundError(problem)
+        self._problems[problem] = None
+
+    def note(self, file: Path, where: str, what: str) -> None:
+        """Report what is worth knowing but stops nothing: only a collecting report keeps it."""
+        if self._collect:
+            self._problems[Problem(file, where, what)] = None
+
+    def attempt(self, read: Callable[[], Result]) -> Result | None:
+        """Run one reader; None if it failed and this report collects."""
+        try:
+            return read()
+        except FoundError as error:
+            self.add(error.problem.file, error.problem.where, error.problem.what)
+        except IncompleteError:
+            if not self._collect:
+                raise
+        return None
+
+
+def fail(file: Path, where: str, what: str) -> FoundError:
+    """Build the error for a problem that ends the reading of its file."""
+    return FoundError(Problem(file, where, what))

@@ -1,0 +1,83 @@
+"""What every loader hands over: frames of one camera on one clock, with whatever is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshslam.errors import SequenceError
+from meshslam.geometry import Camera, Pose
+from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.sequences.distortion import Distortion
+from meshslam.sequences.images import load_image
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSamples:
+    """Readings in the imu frame; at rest the specific force points up with 9.81 m/s²."""
+
+    times_s: Floats  # (n,), increasing
+    angular_rate_rad_s: Floats  # (n, 3)
+    specific_force_m_s2: Floats  # (n, 3)
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second over the whole recording; 0 for fewer than two."""
+        return (len(self.times_s) - 1) / float(self.times_s[-1] - self.times_s[0]) if len(self.times_s) > 1 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class InitialState:
+    """Where inertial odometry starts when no poses are known."""
+
+    time_s: float
+    world_from_camera: Pose
+    velocity_in_world: Floats  # (3,), m/s, of the camera
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """Frames of one pinhole camera.
+
+    An index counts frames; `frame_ids[index]` is the frame's number in file names and detections.
+    """
+
+    name: str
+    layout: str
+    root: Path
+    camera: Camera  # undistorted
+    frame_ids: tuple[int, ...]
+    times_s: Floats  # (n,), increasing
+    image_paths: tuple[Path, ...] | None = None
+    world_from_camera: tuple[Pose, ...] | None = None  # known poses that the system may use
+    detections_path: Path | None = None
+    imu: ImuSamples | None = None
+    imu_from_camera: Pose | None = None
+    initial_state: InitialState | None = None
+    height_above_ground_m: float | None = None
+    distortion: Distortion | None = None  # of the raw images and detections; None: they are pinhole already
+
+    def __post_init__(self) -> None:
+        for what in ("times_s", "image_paths", "world_from_camera"):
+            value = getattr(self, what)
+            if value is not None and len(value) != len(self.frame_ids):
+                raise SequenceError(f"{self.root}: {len(self.frame_ids)} frames but {len(value)} {what}")
+
+    def __len__(self) -> int:
+        return len(self.frame_ids)
+
+    @property
+    def raw_camera(self) -> Camera:
+        """The camera of the files on disk, before its distortion is taken out."""
+        return self.camera if self.distortion is None else self.distortion.raw_camera
+
+    def read_image(self, index: int) -> Bytes:
+        """Return frame `index` undistorted, BGR (h, w, 3).
+
+        SequenceError if its file is missing, damaged or of another size.
+        """
+        if self.image_paths is None:
+            raise SequenceError(f"{self.root}: the sequence has no images, only detections")
+        raw = self.raw_camera
+        image = load_image(self.image_paths[index], (raw.width, raw.height))
+        return image if self.distortion is None else self.distortion.undistort_image(image)

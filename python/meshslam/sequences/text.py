@@ -1,0 +1,144 @@
+"""Readers of plain text: columns of numbers, times, YAML."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from meshslam.errors import GeometryError
+from meshslam.geometry import Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.sequences.report import Report, fail
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Finite numbers with the line each row stands on."""
+
+    rows: Floats  # (n, columns)
+    lines: tuple[int, ...]  # counted from 1
+
+
+def read_text(path: Path) -> str:
+    """Read a UTF-8 file; FoundError if it is missing or unreadable."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise fail(path, "", "no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise fail(path, "", f"cannot be read as text: {error}") from None
+
+
+def read_table(path: Path, columns: int, report: Report) -> Table:
+    """Read `columns` numbers a line, blanks between; empty lines and lines that start with # are skipped."""
+    texts = [(n, line.split()) for n, line in enumerate(read_text(path).splitlines(), 1)]
+    return parse_table(
+        path, [(n, words) for n, words in texts if words and not words[0].startswith("#")], columns, report
+    )
+
+
+def read_csv(path: Path, names: tuple[str, ...], report: Report) -> Table:
+    """Read a comma-separated file whose header holds exactly `names`."""
+    lines = list(enumerate(csv.reader(read_text(path).splitlines()), 1))
+    header = tuple(word.strip().lstrip("#").strip() for word in lines[0][1]) if lines else ()
+    if header != names:
+        raise fail(path, "line 1", f"expected the header {','.join(names)}, found {','.join(header) or 'nothing'}")
+    return parse_table(path, [(n, words) for n, words in lines[1:] if words], len(names), report)
+
+
+def parse_table(path: Path, lines: list[tuple[int, list[str]]], columns: int, report: Report) -> Table:
+    """Turn words into finite numbers; each line that is none is reported and left out."""
+    rows, numbers = [], []
+    for number, words in lines:
+        problem, values = _parse_row(words, columns)
+        if problem:
+            report.add(path, f"line {number}", problem)
+        else:
+            rows.append(values)
+            numbers.append(number)
+    return Table(np.array(rows, float).reshape(-1, columns), tuple(numbers))
+
+
+def _parse_row(words: list[str], columns: int) -> tuple[str, list[float]]:
+    if len(words) != columns:
+        return f"expected {columns} numbers, found {len(words)}", []
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return f"expected {columns} numbers, found {' '.join(words)[:80]!r}", []
+    if not np.isfinite(values).all():
+        return f"expected finite numbers, found {' '.join(words)[:80]!r}", []
+    return "", values
+
+
+def check_increasing(path: Path, times_s: Floats, lines: tuple[int, ...], report: Report) -> None:
+    """Report every time that is not after the one before it."""
+    for i in np.flatnonzero(np.diff(times_s) <= 0):
+        report.add(
+            path,
+            f"line {lines[i + 1]}",
+            f"time {times_s[i + 1]:.9g} s is not after {times_s[i]:.9g} s of line {lines[i]}; times must increase",
+        )
+
+
+def read_times(path: Path, report: Report) -> Floats:
+    """Read one time a line in seconds, increasing; at least one."""
+    table = read_table(path, 1, report)
+    times_s = table.rows[:, 0]
+    check_increasing(path, times_s, table.lines, report)
+    if not len(times_s):
+        raise fail(path, "", "holds no times: the sequence is empty")
+    return times_s
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a mapping, also with OpenCV's `%YAML:1.0` header and `!!opencv-matrix` tags."""
+    text = read_text(path)
+    if text.startswith("%YAML:"):
+        text = "\n" + text.partition("\n")[2]
+    try:
+        content = yaml.safe_load(text.replace("!!opencv-matrix", ""))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}" if mark else ""
+        raise fail(path, where, f"not valid YAML: {getattr(error, 'problem', None) or error}") from None
+    if not isinstance(content, dict):
+        raise fail(path, "", "expected `key: value` lines")
+    return {str(key): value for key, value in content.items()}
+
+
+def numbers_of(path: Path, key: str, value: object) -> Floats:
+    """Turn a YAML value (number, nested lists or an OpenCV matrix) into finite numbers."""
+    try:
+        if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
+            array = np.asarray(value["data"], float).reshape(int(value["rows"]), int(value["cols"]))
+        else:
+            array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise fail(path, key, f"expected numbers, found {value!r}") from None
+    if not np.isfinite(array).all():
+        raise fail(path, key, f"expected finite numbers, found {value!r}")
+    return array
+
+
+def pose_of(path: Path, key: str, value: object) -> Pose:
+    """Turn a YAML value into a rigid transform."""
+    array = numbers_of(path, key, value)
+    if array.size != 16:
+        raise fail(path, key, f"expected a 4x4 matrix, found {array.size} numbers")
+    return rigid(path, key, array.reshape(4, 4))
+
+
+def rigid(path: Path, where: str, matrix: Floats) -> Pose:
+    """Check that a (4, 4) or (3, 4) matrix is a rigid transform."""
+    square = np.eye(4)
+    square[: len(matrix)] = matrix
+    try:
+        return Pose.from_matrix(square)
+    except GeometryError as error:
+        raise fail(path, where, str(error)) from None

@@ -1,0 +1,39 @@
+"""Paths as text: `time tx ty tz qx qy qz qw` a line, world_from_camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Items
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from meshslam.geometry import Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.sequences.report import Report, fail
+from meshslam.sequences.text import check_increasing, read_table
+
+
+def read_tum(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
+    """Read times (n,) in seconds, increasing, and their poses; quaternions must be of unit length to 1e-3."""
+    table = read_table(path, 8, report)
+    lengths = np.linalg.norm(table.rows[:, 4:], axis=1)
+    for i in np.flatnonzero(np.abs(lengths - 1) > 1e-3):
+        report.add(path, f"line {table.lines[i]}", f"the quaternion's length is {lengths[i]:.6g}, expected 1")
+    keep = lengths > 1e-9
+    rows, lines = table.rows[keep], tuple(np.array(table.lines, int)[keep].tolist())
+    check_increasing(path, rows[:, 0], lines, report)
+    if not len(rows):
+        raise fail(path, "", "holds no poses")
+    rotations = Rotation.from_quat(rows[:, 4:]).as_matrix()
+    return rows[:, 0], tuple(Pose(r, t) for r, t in zip(rotations, rows[:, 1:4], strict=True))
+
+
+def format_tum(times_s: Floats, poses: Items[Pose]) -> str:
+    """Write poses with nine decimals, the quaternion's w never negative, no minus before zero."""
+    if not len(poses):
+        return ""
+    quaternions = Rotation.from_matrix(np.stack([p.rotation for p in poses])).as_quat(canonical=True)
+    rows = np.column_stack([times_s, np.stack([p.translation for p in poses]), quaternions])
+    rows = np.round(rows, 9) + 0.0
+    return "".join(" ".join(f"{value:.9f}" for value in row) + "\n" for row in rows)
