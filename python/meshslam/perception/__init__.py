@@ -1,0 +1,25 @@
+"""Segmentation, tracking, and detections in and out."""
+
+from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry, write_detections
+from meshslam.perception.masks import encode_mask
+from meshslam.perception.reading import read_detections
+from meshslam.perception.segmentation import Instance, Segmenter, SegmenterConfig, detect, load_segmenter
+from meshslam.perception.tracking import TrackerConfig, track, voted_category
+
+__all__ = [
+    "CategoryEntry",
+    "Detection",
+    "DetectionSet",
+    "ImageEntry",
+    "Instance",
+    "Segmenter",
+    "SegmenterConfig",
+    "TrackerConfig",
+    "detect",
+    "encode_mask",
+    "load_segmenter",
+    "read_detections",
+    "track",
+    "voted_category",
+    "write_detections",
+]

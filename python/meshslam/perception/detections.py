@@ -1,0 +1,139 @@
+"""Detections of objects in images, and how they are written: the contract of FORMATS.md's detections.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.perception.masks import Segmentation, decode_segmentation, segmentation_area_px
+
+
+@dataclass(frozen=True)
+class ImageEntry:
+    """One frame of a detection set; `id` is the frame number."""
+
+    id: int
+    file_name: str
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class CategoryEntry:
+    """A class of objects with the names of its key points, in the order of every detection's `keypoints`."""
+
+    id: int
+    name: str
+    keypoints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """One object seen in one image.
+
+    `segmentation` is kept as it was read and written back untouched. A key point whose score is 0 carries no
+    information, whatever its coordinates say.
+    """
+
+    id: int
+    frame: int  # an image's id
+    category: str
+    score: float  # in [0, 1]
+    bbox: tuple[float, float, float, float]  # x, y of the top-left corner, width, height: px
+    segmentation: Segmentation
+    image_size: tuple[int, int]  # height, width: px
+    keypoints: Floats | None = None  # (K, 2) px
+    keypoint_scores: Floats | None = None  # (K,) in [0, 1]
+    track_id: int | None = None
+
+    def mask(self) -> Bytes:
+        """Unpack the mask: (height, width), zeros and ones."""
+        return decode_segmentation(self.segmentation, *self.image_size)
+
+    @property
+    def area_px(self) -> int:
+        """The number of pixels of the mask."""
+        return segmentation_area_px(self.segmentation, *self.image_size)
+
+    def with_track(self, track_id: int | None) -> Detection:
+        """Return the same detection under another track."""
+        return replace(self, track_id=track_id)
+
+
+@dataclass(frozen=True, eq=False)
+class DetectionSet:
+    """Every detection of a sequence. `warnings` says what was wrong in the file but could be handled."""
+
+    images: tuple[ImageEntry, ...]
+    categories: tuple[CategoryEntry, ...]
+    detections: tuple[Detection, ...]
+    warnings: tuple[str, ...] = ()
+
+    def by_frame(self) -> dict[int, tuple[Detection, ...]]:
+        """Group the detections by image, the empty ones too, by ascending frame."""
+        frames: dict[int, list[Detection]] = {i: [] for i in sorted(image.id for image in self.images)}
+        for detection in self.detections:
+            frames[detection.frame].append(detection)
+        return {frame: tuple(found) for frame, found in frames.items()}
+
+    def by_track(self) -> dict[int, tuple[Detection, ...]]:
+        """Group the detections by track, by ascending frame; those without a track are left out."""
+        tracks: dict[int, list[Detection]] = {}
+        for detection in sorted(self.detections, key=lambda d: (d.frame, d.id)):
+            if detection.track_id is not None:
+                tracks.setdefault(detection.track_id, []).append(detection)
+        return {track: tuple(tracks[track]) for track in sorted(tracks)}
+
+    def keypoint_names(self, category: str) -> tuple[str, ...]:
+        """Names of a category's key points; empty if it has none or is not in the file."""
+        return next((c.keypoints for c in self.categories if c.name == category), ())
+
+    def with_tracks(self, tracks: Mapping[int, int | None]) -> DetectionSet:
+        """Put detections, by id, on tracks; those that `tracks` does not name stay as they are."""
+        moved = tuple(d.with_track(tracks[d.id]) if d.id in tracks else d for d in self.detections)
+        return replace(self, detections=moved)
+
+
+def write_detections(detections: DetectionSet) -> bytes:
+    """Return the file's bytes: one annotation a line, the same bytes for the same set."""
+    numbers = {category.name: category.id for category in detections.categories}
+    head = {
+        "images": [vars(image) for image in detections.images],
+        "categories": [_category_entry(category) for category in detections.categories],
+    }
+    rows = ",\n".join(_dump(_annotation(d, numbers[d.category])) for d in detections.detections)
+    return f'{_dump(head)[:-1]}, "annotations": [\n{rows}\n]}}\n'.encode()
+
+
+def _dump(value: dict[str, Any]) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+
+def _category_entry(category: CategoryEntry) -> dict[str, Any]:
+    entry: dict[str, Any] = {"id": category.id, "name": category.name}
+    return entry | ({"keypoints": list(category.keypoints)} if category.keypoints else {})
+
+
+def _annotation(detection: Detection, category_id: int) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "id": detection.id,
+        "image_id": detection.frame,
+        "category_id": category_id,
+        "bbox": list(detection.bbox),
+        "area": detection.area_px,
+        "iscrowd": 0,
+        "score": detection.score,
+        "segmentation": detection.segmentation,
+    }
+    if detection.keypoints is not None and detection.keypoint_scores is not None:
+        scores = detection.keypoint_scores.tolist()
+        points = zip(detection.keypoints.tolist(), scores, strict=True)
+        entry["keypoints"] = [value for (x, y), s in points for value in (x, y, 2 if s > 0 else 0)]
+        entry["num_keypoints"] = sum(s > 0 for s in scores)
+        entry["keypoint_scores"] = scores
+    if detection.track_id is not None:
+        entry["track_id"] = detection.track_id
+    return entry
