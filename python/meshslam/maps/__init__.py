@@ -1,0 +1,20 @@
+"""The map of objects and the camera's path: files that are whole or not there, and exports for viewers."""
+
+from meshslam.maps.atomic import remove_leftovers, write_atomically
+from meshslam.maps.gltf import object_colour, save_glb, to_glb
+from meshslam.maps.map import Map
+from meshslam.maps.objects import MapObject
+from meshslam.maps.run_directory import RunDirectory
+from meshslam.maps.trajectory import Trajectory
+
+__all__ = [
+    "Map",
+    "MapObject",
+    "RunDirectory",
+    "Trajectory",
+    "object_colour",
+    "remove_leftovers",
+    "save_glb",
+    "to_glb",
+    "write_atomically",
+]

@@ -1,0 +1,100 @@
+"""A map as binary glTF, for any viewer."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from trimesh.exchange.gltf import export_glb
+
+from meshslam.geometry.arrays import Bytes, Floats, Ints
+from meshslam.maps.atomic import write_atomically
+from meshslam.maps.map import Map
+from meshslam.maps.objects import MapObject
+from meshslam.maps.trajectory import Trajectory
+
+# glTF is y up, z towards the viewer: (x, y, z)_gltf = (x, z, -y)_world
+GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+PATH_RADIUS_M, PATH_SIDES = 0.06, 8
+PATH_COLOUR = np.array([235, 110, 20, 255], np.uint8)
+UNSURE_COLOUR = np.array([150.0, 150.0, 150.0])
+SURE_SIGMA_M, UNSURE_SIGMA_M = 0.03, 0.15
+
+
+def to_glb(scene_map: Map, trajectory: Trajectory | None = None) -> bytes:
+    """Draw every object in its own colour, grey where its surface is not known well, and the path as a tube."""
+    scene = trimesh.Scene()
+    for thing in scene_map.objects:
+        name = f"{thing.category}_{thing.id}"
+        transform = GLTF_FROM_WORLD @ thing.world_from_object.matrix
+        scene.add_geometry(_coloured(thing), node_name=name, geom_name=name, transform=transform)
+    if trajectory is not None and len(trajectory):
+        tube = _tube(trajectory.positions_in_world)
+        scene.add_geometry(tube, node_name="path", geom_name="path", transform=GLTF_FROM_WORLD)
+    if not scene.geometry:
+        scene.add_geometry(_mark(), node_name="empty", geom_name="empty", transform=GLTF_FROM_WORLD)
+    export: Callable[..., bytes] = export_glb
+    return export(scene, include_normals=True)
+
+
+def save_glb(path: Path, scene_map: Map, trajectory: Trajectory | None = None) -> None:
+    """Write `to_glb`, whole or not at all."""
+    write_atomically(Path(path), to_glb(scene_map, trajectory))
+
+
+def object_colour(number: int) -> Bytes:
+    """Return the colour (3,) of an object's id: neighbours in number are far apart in hue."""
+    hue = (number * 0.618033988749895) % 1.0
+    return np.round(255 * np.array(colorsys.hsv_to_rgb(hue, 0.65, 0.9))).astype(np.uint8)
+
+
+def vertex_colours(thing: MapObject) -> Bytes:
+    """Colours (V, 4) of an object's vertices."""
+    colour = np.tile(object_colour(thing.id).astype(float), (len(thing.vertices), 1))
+    if thing.vertex_sigma_m is not None:
+        span = np.log(UNSURE_SIGMA_M / SURE_SIGMA_M)
+        share = np.clip(np.log(np.maximum(thing.vertex_sigma_m, 1e-9) / SURE_SIGMA_M) / span, 0, 1)[:, None]
+        colour = (1 - share) * colour + share * UNSURE_COLOUR
+    return np.column_stack([np.round(colour), np.full(len(colour), 255)]).astype(np.uint8)
+
+
+def _coloured(thing: MapObject) -> trimesh.Trimesh:
+    return trimesh.Trimesh(thing.vertices, thing.faces, vertex_colors=vertex_colours(thing), process=False)
+
+
+def _mark() -> trimesh.Trimesh:
+    """Draw a 10 cm box: an empty scene is no valid glTF."""
+    mark: trimesh.Trimesh = trimesh.creation.box((0.1, 0.1, 0.1))
+    return mark
+
+
+def _tube(points: Floats) -> trimesh.Trimesh:
+    """Draw a thin tube along points (n, 3); a single point becomes a ball."""
+    keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3])
+    points = points[keep]
+    if len(points) < 2:
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=2 * PATH_RADIUS_M)
+        vertices, faces = np.asarray(ball.vertices) + points[0], np.asarray(ball.faces)
+    else:
+        vertices, faces = _tube_parts(points)
+    return trimesh.Trimesh(vertices, faces, vertex_colors=np.tile(PATH_COLOUR, (len(vertices), 1)), process=False)
+
+
+def _tube_parts(points: Floats) -> tuple[Floats, Ints]:
+    """Rings of vertices about each point, square to the path, and the quads between them."""
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    level = np.abs(along[:, 2:]) < 0.95
+    side = np.cross(along, np.where(level, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
+    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)
+    up = np.cross(side, along)
+    angle = np.arange(PATH_SIDES) * (2 * np.pi / PATH_SIDES)
+    ring = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None]
+    vertices = (points[:, None] + PATH_RADIUS_M * ring).reshape(-1, 3)
+    start = PATH_SIDES * np.arange(len(points) - 1)[:, None] + np.arange(PATH_SIDES)
+    beside = PATH_SIDES * np.arange(len(points) - 1)[:, None] + (np.arange(PATH_SIDES) + 1) % PATH_SIDES
+    quads = np.stack([start, beside, beside + PATH_SIDES, start + PATH_SIDES], axis=-1).reshape(-1, 4)
+    return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int64)

@@ -1,0 +1,193 @@
+"""The map of objects, and its files: map.json and one PLY an object."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from meshslam.errors import GeometryError, MapError
+from meshslam.geometry import Pose
+from meshslam.geometry.arrays import AnyArray, Floats
+from meshslam.maps.atomic import remove_leftovers, write_together
+from meshslam.maps.objects import MapObject
+from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
+
+Made = TypeVar("Made")
+FORMAT, VERSION = "meshslam-map", 1
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Objects in one world, sorted by id."""
+
+    objects: tuple[MapObject, ...]
+
+    def __post_init__(self) -> None:
+        ids = [thing.id for thing in self.objects]
+        if len(set(ids)) < len(ids):
+            raise MapError(f"a map's objects have different ids, found {sorted(ids)}")
+        object.__setattr__(self, "objects", tuple(sorted(self.objects, key=lambda thing: thing.id)))
+
+    def __len__(self) -> int:
+        return len(self.objects)
+
+    def save(self, folder: Path) -> None:
+        """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
+
+        MapError if the disk does not take it; what was there before then stays.
+        """
+        folder = Path(folder)
+        try:
+            (folder / "objects").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise MapError(f"{folder / 'objects'}: cannot be made: {error.strerror}") from None
+        remove_leftovers(folder / "objects")
+        centred = [thing.recentred() for thing in self.objects]
+        files = {folder / _mesh_name(thing): format_ply(_mesh(thing)) for thing in centred}
+        document = {"format": FORMAT, "version": VERSION, "objects": [_entry(thing) for thing in centred]}
+        text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
+        for old in (folder / "objects").glob("*.ply"):
+            if old not in files:
+                old.unlink(missing_ok=True)
+
+    @staticmethod
+    def load(path: Path) -> Map:
+        """Read a run directory, its map.json, or an objects.json; MapError naming the file, the object and the key."""
+        path = Path(path)
+        file = path / "map.json" if path.is_dir() else path
+        document = _read_json(file)
+        entries = document.get("objects")
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise MapError(f"{file}: objects: expected a list of objects")
+        if document.get("format", FORMAT) != FORMAT or document.get("version", VERSION) != VERSION:
+            found = f"{document.get('format')!r} version {document.get('version')!r}"
+            raise MapError(f"{file}: format: found {found}, expected {FORMAT!r} version {VERSION}")
+        objects = tuple(_read_entry(file, i, entry) for i, entry in enumerate(entries))
+        return _named(file, lambda: Map(objects))
+
+
+def _named(file: Path, make: Callable[[], Made]) -> Made:
+    """Make something, and name the file if that fails."""
+    try:
+        return make()
+    except MapError as error:
+        raise MapError(f"{file}: {error}") from None
+
+
+def _mesh_name(thing: MapObject) -> str:
+    return f"objects/{thing.id}.ply"
+
+
+def _mesh(thing: MapObject) -> PlyMesh:
+    return PlyMesh(thing.vertices, thing.faces, thing.vertex_sigma_m, thing.vertex_observed)
+
+
+def _entry(thing: MapObject) -> dict[str, Any]:
+    """One object as JSON; what is not known is left out."""
+    entry: dict[str, Any] = {
+        "id": thing.id,
+        "category": thing.category,
+        "world_from_object": _numbers(thing.world_from_object.matrix),
+        "dimensions": _numbers(np.ptp(np.round(thing.vertices, DECIMALS), axis=0)),
+        "mesh": _mesh_name(thing),
+        "views": thing.views,
+        "first_frame": thing.first_frame,
+        "last_frame": thing.last_frame,
+        "mask_iou": None if thing.mask_iou is None else _numbers(thing.mask_iou),
+        "keypoints": {name: _numbers(point) for name, point in sorted(thing.keypoints.items())},
+        "pose_covariance": None if thing.pose_covariance is None else _numbers(thing.pose_covariance),
+        "vertex_sigma_m": _sigma_summary(thing),
+    }
+    return {key: value for key, value in entry.items() if value is not None}
+
+
+def _sigma_summary(thing: MapObject) -> dict[str, Any] | None:
+    if thing.vertex_sigma_m is None:
+        return None
+    observed = np.ones(len(thing.vertices)) if thing.vertex_observed is None else thing.vertex_observed
+    sigma = np.round(thing.vertex_sigma_m, DECIMALS)
+    figures = {"median": np.median(sigma), "p90": np.quantile(sigma, 0.9), "observed_share": np.mean(observed)}
+    return {name: _numbers(float(value)) for name, value in figures.items()}
+
+
+def _numbers(values: AnyArray | float) -> Any:  # noqa: ANN401 # a number, or nested lists of them
+    """Round, and give plain numbers, never -0."""
+    return (np.round(np.asarray(values, float), DECIMALS) + 0.0).tolist()
+
+
+def _read_json(file: Path) -> Mapping[str, Any]:
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MapError(f"{file}: no such map") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise MapError(f"{file}: cannot be read as JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise MapError(f"{file}: expected an object with a list of objects")
+    return document
+
+
+def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
+    where = f"{file}: objects[{index}]"
+    number, category, name = (_needed(where, entry, key) for key in ("id", "category", "mesh"))
+    if (
+        not isinstance(number, int)
+        or isinstance(number, bool)
+        or not isinstance(category, str)
+        or not isinstance(name, str)
+    ):
+        raise MapError(f"{where}: id must be a whole number, category and mesh text")
+    where = f"{file}: object {number}"
+    try:
+        pose = Pose.from_matrix(_array(where, "world_from_object", _needed(where, entry, "world_from_object")))
+    except GeometryError as error:
+        raise MapError(f"{where}: world_from_object: {error}") from None
+    keypoints, covariance = entry.get("keypoints") or {}, entry.get("pose_covariance")
+    if not isinstance(keypoints, dict):
+        raise MapError(f"{where}: keypoints: expected names with x, y, z")
+    mesh = read_mesh(file.parent / name)
+    fields: dict[str, Any] = dict(
+        id=number,
+        category=category,
+        world_from_object=pose,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        views=_whole(where, entry, "views") or 0,
+        first_frame=_whole(where, entry, "first_frame"),
+        last_frame=_whole(where, entry, "last_frame"),
+        mask_iou=None if entry.get("mask_iou") is None else float(_array(where, "mask_iou", entry["mask_iou"])),
+        keypoints={name: _array(where, f"keypoints {name}", point) for name, point in keypoints.items()},
+        pose_covariance=None if covariance is None else _array(where, "pose_covariance", covariance),
+        vertex_sigma_m=mesh.sigma_m,
+        vertex_observed=mesh.observed,
+    )
+    return _named(file, lambda: MapObject(**fields)).recentred()
+
+
+def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 # as JSON has it
+    if entry.get(key) is None:
+        raise MapError(f"{where}: {key}: key is missing")
+    return entry[key]
+
+
+def _whole(where: str, entry: Mapping[str, Any], key: str) -> int | None:
+    value = entry.get(key)
+    if value is not None and (not isinstance(value, int) or isinstance(value, bool)):
+        raise MapError(f"{where}: {key}: expected a whole number, found {value!r}")
+    return value
+
+
+def _array(where: str, key: str, value: object) -> Floats:
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise MapError(f"{where}: {key}: expected numbers, found {value!r}") from None
+    if not np.isfinite(array).all():
+        raise MapError(f"{where}: {key}: expected finite numbers")
+    return array

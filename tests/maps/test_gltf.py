@@ -1,0 +1,72 @@
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+from meshslam.geometry import Pose
+from meshslam.maps import Map, Trajectory, object_colour, save_glb, to_glb
+from meshslam.maps.gltf import vertex_colours
+
+
+def scene_of(content):
+    return trimesh.load_scene(io.BytesIO(content), file_type="glb")
+
+
+@pytest.fixture
+def path():
+    return Trajectory(np.arange(30.0), tuple(Pose(np.eye(3), np.array([i, 0.1 * i, 1.65])) for i in range(30)))
+
+
+def test_everything_stands_where_it_is_with_up_as_y(a_map, path):
+    scene = scene_of(to_glb(a_map, path))
+    for thing in a_map.objects:
+        transform, name = scene.graph[f"car_{thing.id}"]
+        drawn = trimesh.transform_points(scene.geometry[name].vertices, transform)
+        x, y, z = thing.vertices_in_world.T
+        expected = np.stack([x, z, -y], axis=1)
+        assert np.allclose(drawn.min(0), expected.min(0), atol=1e-4)
+        assert np.allclose(drawn.max(0), expected.max(0), atol=1e-4)
+        assert len(drawn) == len(expected)
+    transform, name = scene.graph["path"]
+    tube = trimesh.transform_points(scene.geometry[name].vertices, transform)
+    assert np.abs(tube[:, 1] - 1.65).max() < 0.1
+    assert (tube[:, 0].max(), tube[:, 2].min()) == (pytest.approx(29, abs=0.1), pytest.approx(-2.9, abs=0.1))
+
+
+def test_an_upright_car_stands_upright(make_object):
+    thing = make_object(world_from_object=Pose.from_yaw(0.7, np.array([3.0, 4.0, 0.7])))
+    scene = scene_of(to_glb(Map((thing,))))
+    assert scene.bounds[1][1] - scene.bounds[0][1] == pytest.approx(thing.dimensions[2], abs=1e-5)
+
+
+def test_colours_tell_objects_apart_and_fade_with_sigma(make_object):
+    colours = np.array([object_colour(i) for i in range(1, 30)], float)
+    apart = np.linalg.norm(colours[1:] - colours[:-1], axis=1)
+    assert apart.min() > 40
+    thing = make_object(1, vertex_sigma_m=np.geomspace(0.01, 1.0, 162))
+    drawn = vertex_colours(thing)
+    assert np.array_equal(drawn[0, :3], object_colour(1))
+    assert np.array_equal(drawn[-1, :3], [150, 150, 150])
+    assert np.array_equal(vertex_colours(make_object(1, vertex_sigma_m=None))[5, :3], object_colour(1))
+
+
+def test_the_same_scene_gives_the_same_bytes(a_map, path):
+    assert to_glb(a_map, path) == to_glb(a_map, path)
+
+
+def test_empty_maps_and_standing_cameras_are_drawn(tmp_path, a_map):
+    still = Trajectory(np.arange(3.0), (Pose.identity(),) * 3)
+    for content in (
+        to_glb(Map(())),
+        to_glb(Map(()), still),
+        to_glb(a_map, Trajectory(np.zeros(1), (Pose.identity(),))),
+    ):
+        assert np.isfinite(scene_of(content).bounds).all()
+    save_glb(tmp_path / "map.glb", a_map, still)
+    assert (tmp_path / "map.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_a_path_straight_up_is_a_tube(a_map):
+    climb = Trajectory(np.arange(5.0), tuple(Pose(np.eye(3), np.array([0, 0, float(i)])) for i in range(5)))
+    assert np.isfinite(scene_of(to_glb(Map(()), climb)).bounds).all()

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+import trimesh
+
+from meshslam.errors import MapError
+from meshslam.maps.ply import PlyMesh, format_ply, read_mesh
+
+
+@pytest.fixture
+def mesh(rng):
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    count = len(ball.vertices)
+    return PlyMesh(rng.normal(size=(count, 3)), np.array(ball.faces), rng.uniform(0, 1, count), rng.random(count) < 0.5)
+
+
+def test_round_trip_and_the_same_bytes_again(tmp_path, mesh):
+    path = tmp_path / "a.ply"
+    path.write_bytes(format_ply(mesh))
+    read = read_mesh(path)
+    assert np.abs(read.vertices - mesh.vertices).max() < 1e-9
+    assert np.array_equal(read.faces, mesh.faces)
+    assert np.abs(read.sigma_m - mesh.sigma_m).max() < 1e-9
+    assert np.array_equal(read.observed, mesh.observed)
+    assert format_ply(read) == format_ply(mesh)
+
+
+def test_trimesh_keeps_order_and_topology(tmp_path, mesh):
+    path = tmp_path / "a.ply"
+    path.write_bytes(format_ply(mesh))
+    read = trimesh.load(path, process=False)
+    assert (read.vertices.shape, read.faces.shape) == ((642, 3), (1280, 3))
+    assert np.allclose(read.vertices, mesh.vertices)
+    assert np.array_equal(read.faces, mesh.faces)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "stl"])
+def test_other_meshes_are_read_without_properties(tmp_path, suffix):
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / f"a.{suffix}")
+    read = read_mesh(tmp_path / f"a.{suffix}")
+    assert np.allclose(np.ptp(read.vertices, axis=0), [1, 2, 3])
+    assert read.sigma_m is None
+    assert read.observed is None
+
+
+def test_ascii_with_properties_is_read(tmp_path):
+    (tmp_path / "a.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "property float sigma_m\nproperty uchar observed\nelement face 1\nproperty list uchar int vertex_indices\n"
+        "end_header\n0 0 0 0.1 1\n1 0 0 0.2 0\n0 1 0 0.3 1\n3 0 1 2\n"
+    )
+    read = read_mesh(tmp_path / "a.ply")
+    assert np.allclose(read.sigma_m, [0.1, 0.2, 0.3])
+    assert read.observed.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.999])
+def test_a_truncated_mesh_is_an_error(tmp_path, mesh, share):
+    content = format_ply(mesh)
+    (tmp_path / "a.ply").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(MapError, match=r"a\.ply: "):
+        read_mesh(tmp_path / "a.ply")
+
+
+def test_nan_and_wrong_corners_are_errors(tmp_path, mesh):
+    vertices = mesh.vertices.copy()
+    vertices[3, 1] = np.nan
+    (tmp_path / "a.ply").write_bytes(format_ply(PlyMesh(vertices, mesh.faces)))
+    with pytest.raises(MapError, match="holds NaN"):
+        read_mesh(tmp_path / "a.ply")
+    (tmp_path / "a.ply").write_bytes(format_ply(PlyMesh(mesh.vertices, mesh.faces + 600)))
+    with pytest.raises(MapError, match=r"a\.ply: "):
+        read_mesh(tmp_path / "a.ply")
