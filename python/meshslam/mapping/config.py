@@ -1,0 +1,59 @@
+"""What mapping can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from meshslam.geometry import NoiseModel
+from meshslam.mapping.camera_rotations import RotationConfig
+
+
+@dataclass(frozen=True)
+class MappingConfig:
+    """Settings of mapping; lengths in metres, pixels where the name says so."""
+
+    noise: NoiseModel = field(default_factory=NoiseModel)
+    estimate_noise: bool = True  # the border's sigma and correlation length, from the first fits
+    rotations: RotationConfig = field(default_factory=RotationConfig)
+    # which tracks become objects
+    min_views: int = 3  # or as many as the sequence has frames
+    min_box_px: float = 36.0  # width of the widest box of a track
+    min_mask_iou: float = 0.60  # drawn mesh against masks, mean over the views used
+    max_distance_m: float = 45.0
+    # which views of a track are used
+    max_views: int = 16
+    start_views: int = 4  # of these, for the search of the start
+    view_min_box_px: float = 24.0
+    # masks
+    border_step_px: float = 3.0  # spacing of border points
+    edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
+    occluder_margin_px: int = 3  # nor one this near to an occluder
+    crop_margin: float = 0.5  # of the box's size, around it
+    # key points
+    keypoint_min_score: float = 0.3
+    keypoint_sigma_share: float = 0.02  # of the box's larger side
+    keypoint_min_sigma_px: float = 1.5
+    # the road
+    use_ground: bool = True
+    ground_height_sigma_m: float = 0.08  # where the camera has been
+    ground_slope_sigma: float = 0.03  # more for every metre away from there
+    ground_tilt_sigma_rad: float = 0.03
+    # the search of the start
+    start_yaws: int = 16
+    start_candidates: int = 4
+    # objects that move, and one object seen as two
+    max_speed_m_s: float = 1.5
+    motion_gain: float = 25.0  # by which the cost must fall with the motion
+    max_height_over_road_m: float = 0.45  # or four of the road's sigmas
+    max_shape_cost: float = 50.0  # half the squared length of z: 10 on average, with 20 modes
+    merge_distance_m: float = 1.5
+    passes: int = 2  # the second knows the others' depth and shape
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A track that did not become an object, and why."""
+
+    track: int
+    reason: str
+    detail: str = ""

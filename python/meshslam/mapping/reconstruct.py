@@ -1,0 +1,170 @@
+"""One object from the views of its track: start, pose, modes, free form (paper, Sec. IV-C; DESIGN, "Shape")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshslam.categories import Category
+from meshslam.geometry import Camera, GroundPlane, NoiseModel, ObjectModel, ObjectState, Pose, View
+from meshslam.geometry.arrays import Bools, Floats
+from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.ground import ground_near
+from meshslam.mapping.initialize import (
+    flipped,
+    pose_from_keypoints,
+    rough_position,
+    search_poses,
+    triangulate_keypoints,
+    upright,
+    yaw_starts,
+)
+from meshslam.mapping.track import Track
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """What an object turned out to be, with the stages on the way."""
+
+    start: ObjectState  # the mean mesh at its first estimate
+    posed: ObjectState  # the mean mesh after the pose step
+    state: ObjectState  # after the shape step
+    ground: GroundPlane | None
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A track with its views, and the few of them that the search of the start looks at."""
+
+    track: Track
+    views: list[View]
+    start_track: Track
+    start_views: list[View]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What all objects of one category in a sequence share."""
+
+    camera: Camera
+    category: Category
+    model: ObjectModel
+    keypoint_names: tuple[str, ...]  # in the order of the detections
+    points_on_road: Floats | None  # (n, 3); None: the road is not used
+    config: MappingConfig
+
+    def ground_at(self, position: Floats) -> GroundPlane | None:
+        """The road near a position."""
+        return None if self.points_on_road is None else ground_near(self.points_on_road, position, self.config)
+
+
+def coarse(noise: NoiseModel) -> NoiseModel:
+    """The noise model of the search: fewer samples, errors of pixels forgiven, far borders still felt."""
+    return replace(noise, outline_step_px=2 * noise.outline_step_px, border_sigma_px=2 * noise.border_sigma_px)
+
+
+def find_start(observed: Observed, scene: Scene) -> list[tuple[float, Pose]]:
+    """Poses of the mean mesh to start from, the best first: from key points, and by drawing at headings on the road."""
+    track, config = observed.start_track, scene.config
+    position = rough_position(observed.track, scene.category, scene.camera)
+    points = triangulate_keypoints(observed.track, scene.keypoint_names, scene.category, scene.camera, config)
+    from_points = pose_from_keypoints(points, scene.category)
+    if from_points is not None:
+        position = from_points.translation
+    ground = scene.ground_at(position)
+    nearest = int(np.argmax([d.bbox[3] for d in track.detections]))
+    eye = track.world_from_camera[nearest].translation
+    starts = yaw_starts(position, ground, scene.category, config.start_yaws, eye)
+    noise = coarse(config.noise)
+    found = search_poses(scene.model, observed.start_views, starts, ground, noise, config.start_candidates)
+    if from_points is not None:
+        placed = [upright(from_points, ground), from_points]
+        found += search_poses(scene.model, observed.start_views, placed, ground, noise, 2)
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def reconstruct(observed: Observed, scene: Scene) -> Reconstruction:
+    """Start, pose, modes, free form; both flips of the best start are carried to the modes, the cheaper one is kept."""
+    starts = find_start(observed, scene)
+    best = starts[0][1]
+    candidates = [best, flipped(best)] + [pose for _, pose in starts[1:] if _differs(pose, best)][:1]
+    return min((fit_modes(observed, scene, pose) for pose in candidates), key=lambda r: r.cost)
+
+
+def _differs(pose: Pose, other: Pose) -> bool:
+    """Whether two poses are other places or headings, a flip apart from each other counting as the same."""
+    across = abs(float(pose.rotation[:, 0] @ other.rotation[:, 0]))
+    return across < 0.9 or float(np.linalg.norm(pose.translation - other.translation)) > 1.0
+
+
+def fit_modes(observed: Observed, scene: Scene, start: Pose) -> Reconstruction:
+    """First the pose, then pose and modes."""
+    model, noise, views = scene.model, scene.config.noise, observed.views
+    ground = scene.ground_at(start.translation)
+    at_start = model.state_at(start)
+    posed = model.refine(views, ground, noise, at_start, modes=False, free_form=False)
+    ground = scene.ground_at(posed.state.world_from_object.translation)
+    shaped = model.refine(views, ground, noise, posed.state, modes=True, free_form=False)
+    return Reconstruction(at_start, posed.state, shaped.state, ground, shaped.cost)
+
+
+def fit_free_form(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruction:
+    """Pose, modes and free form together."""
+    noise = scene.config.noise
+    refined = scene.model.refine(observed.views, found.ground, noise, found.state, modes=True, free_form=True)
+    return replace(found, state=refined.state, cost=refined.cost)
+
+
+def refit(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruction:
+    """Fit once more from where the object was, with views that know more of what hides it."""
+    ground = scene.ground_at(found.state.world_from_object.translation)
+    noise, model = scene.config.noise, scene.model
+    again = model.refine(observed.views, ground, noise, found.state, modes=True, free_form=False)
+    return replace(found, state=again.state, ground=ground, cost=again.cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Centred:
+    """A state as a mesh whose origin is the centre of its bounding box."""
+
+    world_from_object: Pose
+    vertices: Floats
+
+
+def centred(model: ObjectModel, state: ObjectState) -> Centred:
+    """Move the object's origin to the centre of its bounding box."""
+    vertices = model.vertices(state)
+    centre = (vertices.max(0) + vertices.min(0)) / 2
+    pose = state.world_from_object
+    return Centred(Pose(pose.rotation, pose.transform(centre)), vertices - centre)
+
+
+def uncertainty(observed: Observed, scene: Scene, found: Reconstruction) -> tuple[Floats, Floats, Bools]:
+    """Covariance of the pose at the mesh's centre, sigma of each vertex, which vertices were observed."""
+    return scene.model.uncertainty(
+        observed.views, found.ground, scene.config.noise, found.state, modes=True, free_form=True
+    )
+
+
+def motion(observed: Observed, scene: Scene, found: Reconstruction) -> tuple[Floats, float]:
+    """Velocity (3,) in the world, m/s, that explains the views best, and by how much the cost falls with it.
+
+    The cost is half a squared Mahalanobis distance: a fall by 10 says as much as one observation 4.5 sigmas off.
+    """
+    model, noise, views = scene.model, scene.config.noise, observed.views
+    moving = model.refine(views, found.ground, noise, found.state, modes=True, free_form=False, velocity=True)
+    stopped = replace(moving.state, velocity=np.zeros(3))
+    still = model.refine(views, found.ground, noise, stopped, modes=True, free_form=False)
+    return moving.state.velocity, min(still.cost, found.cost) - moving.cost
+
+
+def height_over_road_m(scene: Scene, found: Reconstruction) -> tuple[float, float]:
+    """Height of the mesh's lowest point over the road near it, and that road's sigma; 0 where the road is not used."""
+    mesh = centred(scene.model, found.state)
+    ground = scene.ground_at(mesh.world_from_object.translation)
+    if ground is None:
+        return 0.0, 1.0
+    lowest = mesh.vertices[np.argmin(mesh.vertices[:, 2])]
+    return ground.height_m(mesh.world_from_object.transform(lowest)), ground.height_sigma_m
