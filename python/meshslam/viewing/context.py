@@ -1,0 +1,55 @@
+"""What a report shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+from meshslam.errors import GeometryError
+from meshslam.geometry import Camera, Pose
+from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.maps import Map
+from meshslam.perception import Detection, DetectionSet
+
+ReadImage = Callable[[int], Bytes]  # index of a frame to its BGR image (h, w, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContext:
+    """A finished run: everything that `write_report` draws.
+
+    An index counts frames; `frame_ids[index]` is the frame's number in `detections`.
+    """
+
+    title: str
+    camera: Camera
+    frame_ids: tuple[int, ...]
+    world_from_camera: tuple[Pose, ...]
+    detections: DetectionSet
+    map: Map
+    read_image: ReadImage | None = None  # None: meshes and masks on an empty ground
+    left_out: tuple[tuple[int, str, str], ...] = ()  # track, reason, detail
+    metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices
+
+    def __post_init__(self) -> None:
+        if len(self.frame_ids) != len(self.world_from_camera):
+            raise GeometryError(
+                f"a report has one pose a frame, found {len(self.world_from_camera)} for {len(self.frame_ids)} frames"
+            )
+
+    @cached_property
+    def detections_by_frame(self) -> dict[int, tuple[Detection, ...]]:
+        """Detections by frame number."""
+        return self.detections.by_frame()
+
+    @cached_property
+    def mapped_ids(self) -> frozenset[int]:
+        """Numbers of the objects in the map."""
+        return frozenset(thing.id for thing in self.map.objects)
+
+    def found_at(self, index: int) -> tuple[Detection, ...]:
+        """The detections of frame `index`."""
+        return self.detections_by_frame.get(self.frame_ids[index], ())

@@ -1,0 +1,85 @@
+"""Pieces of HTML and SVG: text made safe, numbers made short, images and arrays put inside."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+from importlib import resources
+
+import cv2
+
+from meshslam.errors import MapError
+from meshslam.geometry.arrays import AnyArray, Bytes, Floats
+
+UNKNOWN = "&ndash;"
+
+
+def text(value: object) -> str:
+    """Escape a value for HTML, attributes too."""
+    return html.escape(str(value), quote=True)
+
+
+def number(value: float | None, decimals: int) -> str:
+    """HTML of a number with that many decimals; a dash for what is not known."""
+    known = value is not None and math.isfinite(value)
+    return f"{value:.{decimals}f}".replace("-", "&minus;") if known else UNKNOWN
+
+
+def size_m(dimensions: Floats) -> str:
+    """HTML of length, width and height (3,) in metres."""
+    return " &times; ".join(number(v, 2) for v in dimensions.tolist())
+
+
+def px(value: float) -> str:
+    """A coordinate to a tenth of a pixel, no zeros behind."""
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")
+
+
+def rgb(colour: AnyArray | tuple[int, int, int]) -> str:
+    """A colour as #rrggbb."""
+    r, g, b = (int(c) for c in colour)
+    return f"#{r:02x}{g:02x}{b:02x}"
+
+
+def table(headings: list[str], rows: list[list[str]], classes: str = "") -> str:
+    """A table of ready HTML cells."""
+    head = "".join(f"<th scope=col>{h}</th>" for h in headings)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    return (
+        f'<div class=scroll><table class="{classes}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    )
+
+
+def jpeg_uri(image: Bytes, quality: int = 80) -> str:
+    """A BGR image as a data URI."""
+    return _uri("jpeg", ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def png_uri(image: Bytes) -> str:
+    """A BGR or BGRA image as a data URI."""
+    return _uri("png", ".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+
+
+def _uri(kind: str, suffix: str, image: Bytes, options: list[int]) -> str:
+    done, content = cv2.imencode(suffix, image, options)
+    if not done:
+        raise MapError(f"a picture of shape {image.shape} for the report cannot be packed as {kind}")
+    return f"data:image/{kind};base64,{base64.b64encode(content.tobytes()).decode('ascii')}"
+
+
+def packed(array: AnyArray) -> str:
+    """An array's bytes, little-endian, as base64."""
+    little = array.astype(array.dtype.newbyteorder("<"), copy=False)
+    return base64.b64encode(little.tobytes()).decode("ascii")
+
+
+def script_json(value: object) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def asset(name: str) -> str:
+    """A text file of this package."""
+    return resources.files("meshslam.viewing").joinpath("assets", name).read_text(encoding="utf-8")

@@ -1,0 +1,52 @@
+"""One HTML file that shows a run: it opens offline, everything is inside."""
+
+from __future__ import annotations
+
+from string import Template
+
+from meshslam.viewing.birds_eye import birds_eye
+from meshslam.viewing.context import ReportContext
+from meshslam.viewing.crops import crops
+from meshslam.viewing.filmstrip import choose_frames, filmstrip, keypoint_legend
+from meshslam.viewing.markup import asset, number, script_json, text
+from meshslam.viewing.scene3d import scene_data
+from meshslam.viewing.tables import describe, figures_table, left_out_table, objects_table
+
+HEADLINES = ("mask_iou_shape", "voxel_iou_mean", "recall", "ate_rmse_m", "milliseconds_per_frame")
+HEADLINE_LABELS = {"mask_iou_shape": "mask IoU", "voxel_iou_mean": "voxel IoU", "milliseconds_per_frame": "per frame"}
+
+
+def write_report(context: ReportContext) -> str:
+    """The whole page as text; images are read one frame at a time."""
+    before_after = crops(context)
+    left_out = left_out_table(context)
+    return Template(asset("report.html")).substitute(
+        title=text(context.title),
+        style=asset("report.css"),
+        headline=_headline(context),
+        frames=filmstrip(context, choose_frames(context)) if context.frame_ids else "",
+        keypoints=keypoint_legend(context),
+        plan=birds_eye(context.map, context.world_from_camera),
+        objects=objects_table(context),
+        crops=_section("Category mean and instance", before_after) if before_after else "",
+        left_out=_section("Tracks left out", left_out) if left_out else "",
+        figures=_section("Figures", figures) if (figures := figures_table(context.metrics)) else "",
+        scene=script_json(scene_data(context.map, context.camera, context.world_from_camera)),
+        viewer=asset("viewer.js"),
+        script=asset("report.js"),
+    )
+
+
+def _section(heading: str, content: str) -> str:
+    return f"<section><h2>{heading}</h2>{content}</section>"
+
+
+def _headline(context: ReportContext) -> str:
+    """What to know first."""
+    tiles = [("objects", str(len(context.map))), ("frames", str(len(context.frame_ids)))]
+    for key in HEADLINES:
+        if key in context.metrics:
+            shown = describe(key)
+            value = f"{number(context.metrics[key], shown.decimals)}<small> {shown.unit}</small>"
+            tiles.append((HEADLINE_LABELS.get(key, shown.label), value))
+    return "".join(f"<div><dt>{label}</dt><dd>{value}</dd></div>" for label, value in tiles)
