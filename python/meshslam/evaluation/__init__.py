@@ -1,0 +1,20 @@
+"""Figures of finished runs: the only room that opens truth, after the map is on disk."""
+
+from meshslam.evaluation.masks import MaskScores, score_masks
+from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
+from meshslam.evaluation.run import evaluate_run
+from meshslam.evaluation.trajectories import trajectory_figures
+from meshslam.evaluation.truth import Truth, read_truth
+
+__all__ = [
+    "MaskScores",
+    "ObjectScore",
+    "Truth",
+    "evaluate_run",
+    "match_objects",
+    "object_figures",
+    "read_truth",
+    "score_masks",
+    "score_object",
+    "trajectory_figures",
+]

@@ -1,0 +1,53 @@
+"""Truth as it lies beside a sequence: the only reader of these files."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshslam.errors import SequenceError
+from meshslam.maps import Map, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What is known of a sequence; None where there is no file."""
+
+    objects: Map | None
+    object_of_annotation: dict[int, int] | None
+    path: Trajectory | None
+
+    def detections_of(self, object_id: int) -> int:
+        """How many detections show an object; 0 where association is not known."""
+        return Counter((self.object_of_annotation or {}).values())[object_id]
+
+
+def read_truth(sequence_folder: Path) -> Truth:
+    """Read objects.json, association.json and groundtruth.tum, those that are there.
+
+    MapError or SequenceError, naming the file and the key or line, if one of them is damaged.
+    """
+    objects, association, path = (
+        sequence_folder / name for name in ("objects.json", "association.json", "groundtruth.tum")
+    )
+    return Truth(
+        Map.load(objects) if objects.is_file() else None,
+        _read_association(association) if association.is_file() else None,
+        Trajectory.load(path) if path.is_file() else None,
+    )
+
+
+def _read_association(path: Path) -> dict[int, int]:
+    """Annotation id to object id."""
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise SequenceError(f"{path}: cannot be read as JSON: {error}") from None
+    if not isinstance(rows, dict):
+        raise SequenceError(f"{path}: expected an object of annotation id: object id, found {type(rows).__name__}")
+    for key, value in rows.items():
+        if not key.isdecimal() or not isinstance(value, int) or isinstance(value, bool):
+            raise SequenceError(f"{path}: {key!r}: expected annotation id: object id, found {value!r}")
+    return {int(key): value for key, value in rows.items()}
