@@ -1,0 +1,175 @@
+"""A street as a sequence folder with its truth beside it (FORMATS.md)."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from meshslam.errors import SequenceError
+from meshslam.geometry import Rendering
+from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.maps.ply import PlyMesh, format_ply
+from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
+from meshslam.sequences import write_sequence_folder
+from meshslam.simulation.render import draw, render_image, visible
+from meshslam.simulation.street import Car, Street
+
+
+@dataclass(frozen=True)
+class ObserverConfig:
+    """How a network would see the street."""
+
+    border_sigma_px: float = 0.7  # of the masks' borders, smooth along them
+    keypoint_sigma_share: float = 0.01  # of the box's larger side
+    keypoint_min_sigma_px: float = 1.0
+    wild_share: float = 0.03  # of the key points lie anywhere in the box
+    smallest_area_px: int = 250
+    smallest_visible_share: float = 0.3
+
+
+def write_recording(
+    street: Street,
+    folder: Path,
+    observer: ObserverConfig | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Path:
+    """Write images, detections without track ids, poses, and truth: the same street gives the same bytes.
+
+    The moving car is in `association.json`, not in `objects.json`: it has no one place. SequenceError if the folder
+    cannot be written.
+    """
+    count = len(street.times_s)
+    images: list[Bytes] = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for image in pool.map(partial(render_image, street), range(count)):
+            images.append(image)
+            if progress is not None:
+                progress("render", len(images), count)
+    detections, object_of_annotation = observe(street, observer or ObserverConfig())
+    write_sequence_folder(
+        folder,
+        street.camera,
+        street.times_s,
+        images=images,
+        detections=json.loads(write_detections(detections)),
+        world_from_camera=street.world_from_camera,
+        height_above_ground_m=street.camera_height_m,
+    )
+    _write_truth(street, object_of_annotation, folder)
+    return folder
+
+
+def observe(street: Street, config: ObserverConfig) -> tuple[DetectionSet, dict[int, int]]:
+    """Detections of every car in every frame, without track ids, and which car each annotation shows."""
+    rng = np.random.default_rng([street.seed, 1])
+    found: list[Detection] = []
+    truth: dict[int, int] = {}
+    for index in range(len(street.times_s)):
+        drawn = draw(street, index)
+        for number, car in enumerate(street.cars):
+            detection = _detection(len(found) + 1, street, index, drawn, number, rng, config)
+            if detection is not None:
+                truth[detection.id] = car.id
+                found.append(detection)
+    size = (street.camera.width, street.camera.height)
+    images = tuple(ImageEntry(i, f"{i:06d}.png", *size) for i in range(len(street.times_s)))
+    first = street.cars[0]
+    return DetectionSet(images, (CategoryEntry(1, first.category, tuple(first.keypoints)),), tuple(found)), truth
+
+
+def _detection(
+    annotation: int,
+    street: Street,
+    index: int,
+    drawn: Rendering,
+    number: int,
+    rng: np.random.Generator,
+    config: ObserverConfig,
+) -> Detection | None:
+    """One car in one frame; None if too little of it is seen."""
+    car = street.cars[number]
+    exact = (drawn.object_index == number).astype(np.uint8)
+    if exact.sum() < config.smallest_area_px or exact.sum() < config.smallest_visible_share * _whole_area(
+        street, index, number
+    ):
+        return None
+    mask = roughen(exact, rng, config.border_sigma_px)
+    x, y, width, height = cv2.boundingRect(mask)
+    camera_from_object = street.world_from_camera[index].inverse() @ car.at(float(street.times_s[index]))
+    points = camera_from_object.transform(np.array(list(car.keypoints.values())))
+    pixels = street.camera.project(points)
+    shown = visible(drawn, number, pixels, points[:, 2])
+    box = (float(x), float(y), float(width), float(height))
+    seen, scores = _seen_keypoints(pixels, shown, box, rng, config)
+    score = float(np.round(np.clip(rng.normal(0.85, 0.06), 0.4, 0.99), 3))
+    return Detection(annotation, index, car.category, score, box, encode_mask(mask), mask.shape, seen, scores)
+
+
+def _whole_area(street: Street, index: int, number: int) -> float:
+    """Pixels that the car would cover with nothing before it."""
+    alone = Street(**(vars(street) | {"cars": (street.cars[number],), "walls": ()}))
+    return float(draw(alone, index).mask.sum())
+
+
+def roughen(mask: Bytes, rng: np.random.Generator, sigma_px: float) -> Bytes:
+    """Move a mask's border by a smooth random field of `sigma_px`, as a network's masks are."""
+    inside = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    outside = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    field = np.asarray(cv2.GaussianBlur(rng.standard_normal(mask.shape), (0, 0), 7))
+    shift_px = field / max(float(field.std()), 1e-9) * sigma_px
+    moved: Bytes = (np.where(mask > 0, 0.5 - inside, outside - 0.5) + shift_px < 0).astype(np.uint8)
+    return moved if moved.any() else mask
+
+
+def _seen_keypoints(
+    pixels: Floats,
+    shown: Bools,
+    box: tuple[float, float, float, float],
+    rng: np.random.Generator,
+    config: ObserverConfig,
+) -> tuple[Floats, Floats]:
+    """Noisy key points (K, 2) and scores (K,); what is not shown has score 0 and lies at 0, 0."""
+    sigma = max(config.keypoint_min_sigma_px, config.keypoint_sigma_share * max(box[2:]))
+    noisy = pixels + rng.normal(0.0, sigma, pixels.shape)
+    wild = rng.random(len(pixels)) < config.wild_share
+    anywhere = np.array(box[:2]) + rng.random(pixels.shape) * np.array(box[2:])
+    noisy = np.where(wild[:, None], anywhere, noisy)
+    scores: Floats = np.where(shown, np.clip(rng.normal(0.75, 0.1, len(pixels)), 0.35, 0.99), 0.0)
+    points: Floats = np.where(shown[:, None], noisy, 0.0)
+    return points.round(2), scores.round(3)
+
+
+def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: Path) -> None:
+    parked = [car for car in street.cars if not car.moves]
+    try:
+        (folder / "meshes").mkdir(exist_ok=True)
+        for car in parked:
+            (folder / _mesh_name(car)).write_bytes(format_ply(PlyMesh(car.vertices, car.faces)))
+        document = {"objects": [_truth_entry(car) for car in parked]}
+        (folder / "objects.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        (folder / "association.json").write_text(json.dumps(object_of_annotation) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SequenceError(f"{error.filename or folder}: cannot be written: {error.strerror}") from None
+
+
+def _mesh_name(car: Car) -> str:
+    return f"meshes/{car.id:03d}.ply"
+
+
+def _truth_entry(car: Car) -> dict[str, object]:
+    return {
+        "id": car.id,
+        "category": car.category,
+        "world_from_object": np.round(car.start.matrix, 9).tolist(),
+        "dimensions": np.round(np.ptp(car.vertices, axis=0), 6).tolist(),
+        "mesh": _mesh_name(car),
+        "keypoints": {name: np.round(point, 6).tolist() for name, point in car.keypoints.items()},
+    }

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from meshslam.simulation import StreetConfig, make_street
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cars_stand_on_the_ground_apart_from_each_other_and_out_of_the_cameras_way(car, seed):
+    street = make_street(car, seed, StreetConfig(frames=10))
+    path = np.array([pose.translation for pose in street.world_from_camera])
+    boxes = []
+    for body in street.cars:
+        placed = body.start.transform(body.vertices)
+        assert placed[:, 2].min() == pytest.approx(0.0, abs=1e-9)
+        assert np.abs(body.vertices.max(0) + body.vertices.min(0)).max() < 1e-9
+        if not body.moves:
+            boxes.append((placed.min(0), placed.max(0)))
+            near = (path[:, 0] > placed[:, 0].min() - 2) & (path[:, 0] < placed[:, 0].max() + 2)
+            assert (np.abs(placed[:, 1][:, None] - path[near, 1][None]) > 0.8).all()
+    for i, (low, high) in enumerate(boxes):
+        for other_low, other_high in boxes[i + 1 :]:
+            assert (low[:2] > other_high[:2]).any() or (high[:2] < other_low[:2]).any()
+
+
+def test_one_car_moves_evenly_and_no_other(street):
+    moving = [body for body in street.cars if body.moves]
+    assert len(moving) == 1
+    step = moving[0].at(0.3).translation - moving[0].at(0.1).translation
+    np.testing.assert_allclose(step, 0.2 * moving[0].velocity_in_world)
+    assert all(np.array_equal(b.at(5.0).matrix, b.start.matrix) for b in street.cars if not b.moves)
+
+
+def test_another_seed_is_another_street(car):
+    a, b = (make_street(car, seed, StreetConfig(frames=2)) for seed in (0, 1))
+    assert not np.allclose(a.cars[0].vertices, b.cars[0].vertices)
+
+
+def test_the_camera_looks_along_its_path_and_is_upright(street):
+    for pose in street.world_from_camera:
+        assert pose.rotation[0, 2] > 0.99  # forward is x
+        assert pose.rotation[2, 1] < -0.99  # the image's down is the world's down
+        assert np.linalg.det(pose.rotation) == pytest.approx(1.0)
