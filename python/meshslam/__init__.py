@@ -1,0 +1,1 @@
+"""Object-level SLAM with instance-specific meshes."""

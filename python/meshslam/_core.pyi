@@ -1,0 +1,142 @@
+"""The native module; `meshslam.geometry` is its public face."""
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "MaskLoss",
+    "Template",
+    "View",
+    "cotangent_weights",
+    "exp_so3",
+    "kato_pixel_gradient",
+    "log_so3",
+    "mask_gradients",
+    "mask_loss",
+    "outline",
+    "project",
+    "rasterize",
+    "right_jacobian",
+    "triangulate",
+    "voxel_iou",
+]
+
+_Floats = NDArray[np.float64]
+_Ints = NDArray[np.int64]
+_Bools = NDArray[np.bool_]
+_Camera = tuple[int, int, float, float, float, float, float]
+_Rect = tuple[int, int, int, int]
+_Model = tuple[float, float, float, float, float, float, float, float, float]
+_Ground = tuple[Sequence[float], float, float, float]
+
+def exp_so3(theta: _Floats) -> _Floats: ...
+def log_so3(rotation: _Floats) -> _Floats: ...
+def right_jacobian(theta: _Floats) -> _Floats: ...
+def project(camera_values: _Camera, points_in_camera: _Floats) -> _Floats: ...
+def mask_loss(observed: _Floats, predicted: _Floats) -> tuple[float, _Floats]: ...
+def cotangent_weights(vertices: _Floats, face_array: _Ints) -> tuple[_Ints, _Floats]: ...
+def voxel_iou(vertices_a: _Floats, faces_a: _Ints, vertices_b: _Floats, faces_b: _Ints, step_m: float) -> float: ...
+def triangulate(
+    camera_values: _Camera, camera_from_world: Sequence[_Floats], observed: _Floats, sigma_px: _Floats, cauchy: float
+) -> tuple[_Floats, _Floats] | None: ...
+def rasterize(
+    camera_values: _Camera, meshes: Sequence[tuple[_Floats, _Ints]], rect_values: _Rect
+) -> tuple[NDArray[np.int32], NDArray[np.int32], _Floats]: ...
+def outline(
+    camera_values: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, step_px: float
+) -> _Floats: ...
+
+_Gradient = tuple[float, float, float, _Floats, _Floats, _Floats]
+
+def kato_pixel_gradient(
+    vertex_pixels: _Floats, face_array: _Ints, face_index: NDArray[np.int32], slope: _Floats
+) -> _Floats: ...
+def mask_gradients(
+    losses: Sequence[MaskLoss], camera_from_object: _Floats, vertices: _Floats, threads: int
+) -> list[_Gradient]: ...
+
+@final
+class MaskLoss:
+    def __new__(
+        cls,
+        camera_values: _Camera,
+        vertex_count: int,
+        face_array: _Ints,
+        mask: NDArray[np.uint8],
+        origin: tuple[int, int],
+    ) -> MaskLoss: ...
+    def gradient(self, camera_from_object: _Floats, vertices: _Floats, kato: bool) -> _Gradient: ...
+    def draw(self, camera_from_object: _Floats, vertices: _Floats) -> NDArray[np.uint8]: ...
+    def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> tuple[float, float]: ...
+
+@final
+class View:
+    def __new__(
+        cls,
+        camera_values: _Camera,
+        world_from_camera: _Floats,
+        time_s: float,
+        origin: tuple[int, int],
+        distance_px: NDArray[np.float32],
+        cut: NDArray[np.uint8],
+        hidden: NDArray[np.uint8],
+        border: _Floats,
+        border_length: _Floats,
+        border_own: _Bools,
+        keypoint_index: _Ints,
+        keypoint_pixels: _Floats,
+        keypoint_sigma_px: _Floats,
+        keypoint_count: int,
+    ) -> View: ...
+
+@final
+class Template:
+    def __new__(
+        cls,
+        vertices: _Floats,
+        faces_array: _Ints,
+        modes: _Floats,
+        mirror: _Ints | None,
+        keypoint_weights: _Floats,
+        wheels: _Ints,
+    ) -> Template: ...
+    @property
+    def free_form_dimension(self) -> int: ...
+    def vertices(self, z: _Floats, d: _Floats) -> _Floats: ...
+    def refine(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        max_iterations: int,
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
+    def uncertainty(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        per_vertex: bool,
+    ) -> tuple[_Floats, _Floats, _Bools]: ...
+    def border_distances(
+        self,
+        views: Sequence[View],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        step_px: float,
+    ) -> list[_Floats]: ...
+    def mask_ious(self, views: Sequence[View], world_from_object: Sequence[_Floats], vertices: _Floats) -> _Floats: ...

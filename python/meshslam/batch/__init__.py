@@ -1,0 +1,1 @@
+"""Many sequences, on one machine or on several."""

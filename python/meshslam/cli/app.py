@@ -1,0 +1,68 @@
+"""The commands, and how an error ends them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+import typer
+
+from meshslam.cli.category import category_app
+from meshslam.cli.check import check
+from meshslam.cli.demo import demo
+from meshslam.cli.detect import detect
+from meshslam.cli.map import map_
+from meshslam.cli.version import version
+from meshslam.errors import MeshslamError
+
+USER_ERROR, INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    name="meshslam",
+    help="Object-level SLAM with instance-specific meshes: maps in which every car has its pose and its own shape.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("map")(map_)
+app.command("detect")(detect)
+app.command("check")(check)
+app.command("demo")(demo)
+app.command("version")(version)
+app.add_typer(category_app, name="category")
+
+
+def main() -> None:
+    """Run a command; a user's mistake is one line on stderr and exit code 2, never a traceback."""
+    signal.signal(signal.SIGINT, _interrupt)
+    try:
+        app()
+    except MeshslamError as error:
+        _end(f"error: {error}", USER_ERROR)
+    except OSError as error:
+        where = f" {error.filename}" if error.filename else ""
+        _end(f"error:{where}: {error.strerror or error}", USER_ERROR)
+    except MemoryError:
+        _end("error: out of memory: give fewer frames, or lower --max-views", USER_ERROR)
+    except (KeyboardInterrupt, _Interrupted):
+        _end("interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED)
+
+
+class _Interrupted(BaseException):
+    """Ctrl-C; typer would end a KeyboardInterrupt itself, without a word."""
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
+    raise _Interrupted
+
+
+def _end(message: str, code: int) -> None:
+    sys.stdout.flush()
+    print(message, file=sys.stderr, flush=True)
+    if code == INTERRUPTED:
+        os._exit(code)  # worker threads may be in the middle of native code
+    sys.exit(code)

@@ -1,0 +1,27 @@
+"""`meshslam check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def check(
+    sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
+    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+) -> None:
+    """List every problem of a recording, one a line; exit code 1 if there is any.
+
+    Example: meshslam check 2011_09_26/2011_09_26_drive_0048_sync
+    """
+    from meshslam.sequences import check_sequence
+
+    problems = check_sequence(sequence, layout, camera)
+    for problem in problems:
+        print(problem)
+    if problems:
+        raise typer.Exit(1)
+    print(f"{sequence}: no problem found")

@@ -1,0 +1,40 @@
+"""`meshslam detect`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def detect(
+    sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    segmenter: Annotated[Path, typer.Option(help="ONNX export of YOLO-seg (v5, v8, 11).")],
+    out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
+    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
+    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with settings.")] = None,
+) -> None:
+    """Segment every frame of a recording and write the detections.
+
+    Example: meshslam detect 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out detections.json
+    """
+    from meshslam.cli.config import read_config
+    from meshslam.cli.progress import progress_bars
+    from meshslam.cli.stages import open_input, segment_frames
+    from meshslam.maps import write_atomically
+    from meshslam.perception import write_detections
+
+    settings = read_config(config)
+    chosen = replace(
+        settings.input, sequence=str(sequence), layout=layout, camera=camera, segmenter=str(segmenter), detections=None
+    )
+    settings = replace(settings, input=chosen)
+    recording = open_input(settings.input)
+    with progress_bars() as bars:
+        found = segment_frames(recording, settings, bars)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(out, write_detections(found))
+    print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

@@ -1,0 +1,1 @@
+"""Inertial odometry, object factors, localization in a map, joint SLAM."""

@@ -1,0 +1,197 @@
+import json
+import re
+import shutil
+
+import pytest
+
+from meshslam.maps import Map
+from tests.cli.conftest import error_of, meshslam
+from tests.perception.networks import other_network
+
+pytestmark = pytest.mark.xdist_group("bad")
+
+
+def replaced(name, pattern, text):
+    def change(folder):
+        file = folder / name
+        new, count = re.subn(pattern, text, file.read_text(), count=1, flags=re.MULTILINE)
+        assert count == 1
+        file.write_text(new)
+
+    return change
+
+
+def line(name, number, text):
+    def change(folder):
+        rows = (folder / name).read_text().splitlines()
+        rows[number - 1] = text
+        (folder / name).write_text("\n".join(rows) + "\n")
+
+    return change
+
+
+def first_lines(name, count):
+    def change(folder):
+        (folder / name).write_text("".join((folder / name).read_text().splitlines(keepends=True)[:count]))
+
+    return change
+
+
+def document(edit):
+    def change(folder):
+        content = json.loads((folder / "detections.json").read_text())
+        edit(content)
+        (folder / "detections.json").write_text(json.dumps(content))
+
+    return change
+
+
+def annotation(**fields):
+    return document(lambda content: content["annotations"][3].update(fields))
+
+
+def image(content):
+    def change(folder):
+        file = folder / "images" / "000003.png"
+        file.write_bytes(content(file.read_bytes()))
+
+    return change
+
+
+def no_images(folder):
+    shutil.rmtree(folder / "images")
+    (folder / "images").mkdir()
+
+
+NAN = float("nan")
+BROKEN = {
+    "truncated image": (image(lambda b: b[:2000]), "000003.png", "truncated"),
+    "unreadable image": (image(lambda b: b"no image"), "000003.png", "neither a PNG nor"),
+    "empty image file": (image(lambda b: b""), "000003.png", "empty"),
+    "missing image": (lambda folder: (folder / "images" / "000003.png").unlink(), "images", "5 images"),
+    "no intrinsics": (replaced("camera.yaml", r"^intrinsics:.*\n", ""), "camera.yaml", "intrinsics"),
+    "no resolution": (replaced("camera.yaml", r"^resolution:.*\n", ""), "camera.yaml", "resolution"),
+    "no calibration": (lambda folder: (folder / "camera.yaml").unlink(), "camera.yaml", "no such file"),
+    "NaN in calibration": (replaced("camera.yaml", r"190\.0", ".nan"), "camera.yaml", "intrinsics"),
+    "times that go back": (line("times.txt", 4, "0.05"), "times.txt", "line 4"),
+    "NaN in times": (line("times.txt", 4, "nan"), "times.txt", "line 4"),
+    "poses fewer than frames": (first_lines("poses.tum", 3), "poses.tum", "3 poses, 6 frames"),
+    "NaN in poses": (line("poses.tum", 4, "0.3 nan 0 0 0 0 0 1"), "poses.tum", "line 4"),
+    "no poses": (lambda folder: (folder / "poses.tum").unlink(), "street", "poses"),
+    "unknown category": (annotation(category_id=9), "detections.json", "category_id"),
+    "mask of another size": (
+        annotation(segmentation={"size": [10, 10], "counts": [100]}),
+        "detections.json",
+        "segmentation",
+    ),
+    "NaN in a box": (annotation(bbox=[NAN, 1, 2, 3]), "detections.json", "bbox"),
+    "NaN in a score": (annotation(score=NAN), "detections.json", "score"),
+    "NaN in key points": (annotation(keypoints=[NAN, 20.0, 2] * 12), "detections.json", "keypoints"),
+    "detection in no image": (annotation(image_id=77), "detections.json", "image_id"),
+    "image of no frame": (
+        document(lambda c: c["images"].append({"id": 77, "file_name": "a.png", "width": 320, "height": 100})),
+        "detections.json",
+        "images id 77",
+    ),
+    "image of another size": (
+        document(
+            lambda c: (
+                c.update(annotations=[a for a in c["annotations"] if a["image_id"]]),
+                c["images"][0].update(width=9),
+            )
+        ),
+        "detections.json",
+        "9x100",
+    ),
+    "cut JSON": (lambda folder: (folder / "detections.json").write_text('{"images": ['), "detections.json", "JSON"),
+    "empty sequence": (no_images, "images", "empty"),
+    "no times": (lambda folder: (folder / "times.txt").write_text(""), "times.txt", "empty"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_wrong_is_named_with_its_file_and_key(street, tmp_path, name):
+    change, file, key = BROKEN[name]
+    change(street)
+    error = error_of(meshslam("map", street, "--out", tmp_path / "run"))
+    assert file in error
+    assert key in error
+    assert not (tmp_path / "run" / "map.json").exists()
+    assert not list(tmp_path.rglob("*.meshslam-part"))
+
+
+def test_what_does_not_exist_is_named(source, tmp_path):
+    run = tmp_path / "run"
+    assert "no such folder" in error_of(meshslam("map", tmp_path / "nowhere", "--out", run))
+    assert "named" in error_of(meshslam("map", "--out", run))
+    for option in ("--detections", "--segmenter", "--config"):
+        assert str(tmp_path / "none") in error_of(meshslam("map", source, "--out", run, option, tmp_path / "none"))
+    assert "kitti-raw" in error_of(meshslam("map", source, "--out", run, "--layout", "nonsense"))
+    assert "hungarian" in error_of(meshslam("map", source, "--out", run, "--tracker", "nonsense"))
+    assert "car" in error_of(meshslam("map", source, "--out", run, "--category", "boat"))
+
+
+def test_networks_that_are_none_are_named(source, tmp_path):
+    odd = other_network(tmp_path / "odd.onnx", [(1, 5, 7)])
+    (tmp_path / "text.onnx").write_text("no network")
+    for command, out in (("map", "run"), ("detect", "found.json")):
+        error = error_of(meshslam(command, source, "--segmenter", odd, "--out", tmp_path / out))
+        assert "odd.onnx" in error
+        assert "(1, 5, 7)" in error
+        assert "known" in error
+    assert "text.onnx" in error_of(
+        meshslam("map", source, "--segmenter", tmp_path / "text.onnx", "--out", tmp_path / "run2")
+    )
+
+
+def test_nothing_says_where_objects_are(street, tmp_path):
+    (street / "detections.json").unlink()
+    assert "--segmenter" in error_of(meshslam("map", street, "--out", tmp_path / "run"))
+
+
+def test_key_points_outside_the_image_are_left_out_and_said(street, tmp_path):
+    annotation(keypoints=[5000.0, 20.0, 2] * 12)(street)
+    result = meshslam("map", street, "--out", tmp_path / "run")
+    assert result.returncode == 0
+    assert "note: " in result.stderr
+    assert "outside" in result.stderr
+    assert len(Map.load(tmp_path / "run")) >= 3
+
+
+def empty_frame(content):
+    content["annotations"] = [a for a in content["annotations"] if a["image_id"] != 2]
+
+
+def missing_entry(content):
+    empty_frame(content)
+    del content["images"][2]
+
+
+def nothing(content):
+    content.update(annotations=[], images=[])
+
+
+@pytest.mark.parametrize(("edit", "fewest"), [(empty_frame, 3), (missing_entry, 3), (nothing, 0)])
+def test_frames_without_detections_are_frames_all_the_same(street, tmp_path, edit, fewest):
+    document(edit)(street)
+    result = meshslam("map", street, "--out", tmp_path / "run", "--json")
+    assert result.returncode == 0, result.stderr
+    figures = json.loads(result.stdout)
+    assert figures["frames"] == 6
+    assert figures["objects_mapped"] >= fewest
+    found = json.loads((tmp_path / "run" / "detections.json").read_text())
+    assert [entry["id"] for entry in found["images"]] == list(range(6))
+    assert len((tmp_path / "run" / "trajectory.tum").read_text().splitlines()) == 6
+
+
+def test_one_frame_is_a_sequence(street, tmp_path):
+    for i in range(1, 6):
+        (street / "images" / f"{i:06d}.png").unlink()
+    first_lines("times.txt", 1)(street)
+    first_lines("poses.tum", 1)(street)
+    document(
+        lambda c: c.update(images=c["images"][:1], annotations=[a for a in c["annotations"] if a["image_id"] == 0])
+    )(street)
+    result = meshslam("map", street, "--out", tmp_path / "run", "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["objects_mapped"] >= 1
