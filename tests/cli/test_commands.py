@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from meshslam.maps import Map, Trajectory
+from meshslam.viewing import can_record
 from tests.cli.conftest import done, error_of, estimate, meshslam
 
 pytestmark = pytest.mark.xdist_group("street")
@@ -41,7 +42,7 @@ def test_version_and_categories():
 
 def test_the_run_directory_is_complete(source, source_run):
     names = {"map.json", "trajectory.tum", "camera.yaml", "detections.json", "metrics.json", "config.yaml"}
-    names |= {"map.glb", "report.html", "objects"}
+    names |= {"map.glb", "report.html", "objects"} | ({"recording.rrd"} if can_record() else set())
     assert {path.name for path in source_run.iterdir()} == names
     found = Map.load(source_run)
     assert len(found) >= 3

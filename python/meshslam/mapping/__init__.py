@@ -3,7 +3,7 @@
 from meshslam.mapping.camera_rotations import RotationConfig, correct_rotations
 from meshslam.mapping.config import LeftOut, MappingConfig
 from meshslam.mapping.frames import Frames
-from meshslam.mapping.pipeline import Mapping, Progress, Stages, map_objects
+from meshslam.mapping.pipeline import Mapping, Progress, Stages, category_model, map_objects
 
 __all__ = [
     "Frames",
@@ -13,6 +13,7 @@ __all__ = [
     "Progress",
     "RotationConfig",
     "Stages",
+    "category_model",
     "correct_rotations",
     "map_objects",
 ]

@@ -49,6 +49,7 @@ class Stages:
 
     start: ObjectState
     posed: ObjectState
+    modes: ObjectState
     shaped: ObjectState
 
 
@@ -106,14 +107,22 @@ def map_objects(
     left_out += gone
 
     objects = _each("uncertainty", lambda w: _map_object(w, scene), work, progress)
-    stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.state) for w in work}
+    stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     ious = _stage_ious(work, scene)
     return Mapping(Map(tuple(objects)), detections, tuple(sorted(left_out, key=lambda r: r.track)), stages, ious)
 
 
 def make_scene(frames: Frames, detections: DetectionSet, category: Category, config: MappingConfig) -> Scene:
     """Gather what all objects of a category share."""
-    model = ObjectModel(
+    model = category_model(category)
+    height = frames.height_above_ground_m or _DEFAULT_CAMERA_HEIGHT_M
+    road = road_points(frames.world_from_camera, height) if config.use_ground else None
+    return Scene(frames.camera, category, model, detections.keypoint_names(category.name), road, config)
+
+
+def category_model(category: Category) -> ObjectModel:
+    """The observation model of a category's objects."""
+    return ObjectModel(
         category.vertices,
         category.faces,
         category.modes,
@@ -121,9 +130,6 @@ def make_scene(frames: Frames, detections: DetectionSet, category: Category, con
         category.keypoint_weights,
         category.wheel_vertices,
     )
-    height = frames.height_above_ground_m or _DEFAULT_CAMERA_HEIGHT_M
-    road = road_points(frames.world_from_camera, height) if config.use_ground else None
-    return Scene(frames.camera, category, model, detections.keypoint_names(category.name), road, config)
 
 
 def usable_tracks(

@@ -29,7 +29,8 @@ class Reconstruction:
 
     start: ObjectState  # the mean mesh at its first estimate
     posed: ObjectState  # the mean mesh after the pose step
-    state: ObjectState  # after the shape step
+    modes: ObjectState  # with the category's modes
+    state: ObjectState  # the last: with modes, or with free form too
     ground: GroundPlane | None
     cost: float
 
@@ -107,7 +108,7 @@ def fit_modes(observed: Observed, scene: Scene, start: Pose) -> Reconstruction:
     posed = model.refine(views, ground, noise, at_start, modes=False, free_form=False)
     ground = scene.ground_at(posed.state.world_from_object.translation)
     shaped = model.refine(views, ground, noise, posed.state, modes=True, free_form=False)
-    return Reconstruction(at_start, posed.state, shaped.state, ground, shaped.cost)
+    return Reconstruction(at_start, posed.state, shaped.state, shaped.state, ground, shaped.cost)
 
 
 def fit_free_form(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruction:
@@ -122,7 +123,7 @@ def refit(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruc
     ground = scene.ground_at(found.state.world_from_object.translation)
     noise, model = scene.config.noise, scene.model
     again = model.refine(observed.views, ground, noise, found.state, modes=True, free_form=False)
-    return replace(found, state=again.state, ground=ground, cost=again.cost)
+    return replace(found, modes=again.state, state=again.state, ground=ground, cost=again.cost)
 
 
 @dataclass(frozen=True, eq=False)
