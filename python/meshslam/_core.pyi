@@ -91,6 +91,7 @@ class View:
         keypoint_sigma_px: _Floats,
         keypoint_count: int,
     ) -> View: ...
+    def with_surface_sigma(self, sigma_px: float) -> View: ...
 
 @final
 class Template:

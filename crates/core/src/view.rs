@@ -40,6 +40,8 @@ pub struct View {
     pub border: Vec<BorderPoint>,
     /// Length of the border that is the object's own, pixels.
     pub border_length_px: f64,
+    /// How far the true surface may lie from any mesh of the model, as seen here, pixels.
+    pub surface_sigma_px: f64,
     /// The key points seen.
     pub keypoints: Vec<KeypointObservation>,
 }
@@ -62,6 +64,9 @@ impl View {
             return Err(Error::NotFinite { what: "distance", index, value: f64::from(self.distance_px[index]) });
         }
         check_finite("time", &[self.time_s])?;
+        if !(self.surface_sigma_px.is_finite() && self.surface_sigma_px >= 0.0) {
+            return Err(Error::Range { what: "surface sigma", expected: "at least 0", found: self.surface_sigma_px });
+        }
         check_finite("world_from_camera", self.world_from_camera.rotation.as_slice())?;
         check_finite("world_from_camera", self.world_from_camera.translation.as_slice())?;
         for point in &self.border {

@@ -327,9 +327,18 @@ impl View {
             hidden: hidden.as_array().iter().copied().collect(),
             border,
             border_length_px: 0.0,
+            surface_sigma_px: 0.0,
             keypoints,
         };
         Ok(Self { inner: inner.checked(keypoint_count).map_err(to_python)? })
+    }
+
+    /// The same view, where the true surface may lie this far from any mesh.
+    fn with_surface_sigma(&self, sigma_px: f64) -> PyResult<Self> {
+        if !(sigma_px.is_finite() && sigma_px >= 0.0) {
+            return Err(PyValueError::new_err(format!("a surface's sigma must not be negative, found {sigma_px}")));
+        }
+        Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
     }
 }
 

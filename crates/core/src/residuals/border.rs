@@ -26,7 +26,8 @@ pub struct BorderNoise {
     pub cap_px: f64,
 }
 
-/// Rows of both directions for one view.
+/// Rows of both directions for one view. The mask's error σ and the surface's s add in variance: rows keep the kernel of
+/// σ, and weigh σ²/(σ² + s²).
 pub fn border_rows(
     view: &View,
     camera_from_object: &Pose,
@@ -37,7 +38,8 @@ pub fn border_rows(
     let used: Vec<(&OutlineSample, f64, Vector2<f64>)> =
         samples.iter().filter_map(|s| forward_residual(view, s).map(|(r, g)| (s, r, g))).collect();
     let drawn: f64 = used.iter().map(|(s, _, _)| s.length).sum();
-    let share = 0.5 / noise.correlation_px; // both ways tell the same once
+    let trust = noise.sigma_px.powi(2) / (noise.sigma_px.powi(2) + view.surface_sigma_px.powi(2));
+    let share = 0.5 * trust / noise.correlation_px; // both ways tell the same once
     if drawn > 0.0 {
         let normalized = share * view.border_length_px / drawn;
         for (sample, residual, gradient) in used {
