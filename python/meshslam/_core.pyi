@@ -70,7 +70,7 @@ class MaskLoss:
     ) -> MaskLoss: ...
     def gradient(self, camera_from_object: _Floats, vertices: _Floats, kato: bool) -> _Gradient: ...
     def draw(self, camera_from_object: _Floats, vertices: _Floats) -> NDArray[np.uint8]: ...
-    def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> tuple[float, float]: ...
+    def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> list[float]: ...
 
 @final
 class View:
@@ -118,6 +118,18 @@ class Template:
         velocity: _Floats,
         max_iterations: int,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
+    def time(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        runs: int,
+    ) -> list[float]: ...
     def uncertainty(
         self,
         views: Sequence[View],
