@@ -84,9 +84,9 @@ impl MaskLoss {
         let mut picture = Array2::zeros((self.camera.height, self.camera.width));
         let points: Vec<Vector3<f64>> = vertices.iter().map(|v| pose.transform(v)).collect();
         let mut drawn = Silhouette::default();
-        drawn.draw(&self.camera, &points, &self.topology, 1);
+        drawn.draw(&self.camera, &points, &self.topology);
         let rect = drawn.rect;
-        for (i, _) in drawn.mask.iter().enumerate().filter(|(_, m)| **m > 0) {
+        for (i, _) in drawn.mask().iter().enumerate().filter(|(_, m)| **m > 0) {
             picture[[rect.y0 as usize + i / rect.width, rect.x0 as usize + i % rect.width]] = 1;
         }
         Ok(picture.into_pyarray(py))
