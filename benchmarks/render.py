@@ -219,7 +219,9 @@ def many_views(mesh: Mesh, count: int, threads: tuple[int, ...], rounds: int) ->
     ]
 
 
-def mask_gradients_seconds(losses: list[MaskLoss], poses: list[Pose], vertices: np.ndarray, threads: int) -> list[float]:
+def mask_gradients_seconds(
+    losses: list[MaskLoss], poses: list[Pose], vertices: np.ndarray, threads: int
+) -> list[float]:
     """Time of one call."""
     start = time.perf_counter()
     mask_gradients(losses, poses, vertices, threads)

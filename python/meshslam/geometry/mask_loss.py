@@ -52,7 +52,7 @@ class MaskLoss:
             )
 
     def draw(self, camera_from_object: Pose, vertices: Floats) -> Bytes:
-        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 6)."""
+        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 9)."""
         with geometry_errors():
             return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
 
