@@ -1,4 +1,4 @@
-"""How well shapes are recovered: rings of 1, 2, 3 and 8 views of every car model, and eight streets, by the independent scorer.
+"""How well shapes are recovered: rings of views of every car model and eight streets, by the independent scorer.
 
     .venv/bin/python benchmarks/shape.py [--only ring1 ring8 street] [--seeds 2] [--config FILE] [--stages]
 
