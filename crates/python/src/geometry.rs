@@ -1,10 +1,10 @@
-//! `lie`, `camera`, `losses`, `mesh`, `voxel` and `solve::triangulate` of the core.
+//! `lie`, `mesh`, `voxel` and `solve::triangulate` of the core.
 
 use meshslam_core::error::check_finite;
 use meshslam_core::mesh::Topology;
 use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::triangulate::{Sight, triangulate as core_triangulate};
-use meshslam_core::{lie, losses, mesh, voxel};
+use meshslam_core::{lie, mesh, voxel};
 use nalgebra::Matrix3;
 use numpy::ndarray::{Array2, Array3, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -47,39 +47,6 @@ pub fn log_so3<'py>(py: Python<'py>, rotations: PyReadonlyArray3<f64>) -> PyResu
 #[pyfunction]
 pub fn right_jacobian<'py>(py: Python<'py>, theta: Floats2) -> PyResult<Bound<'py, PyArray3<f64>>> {
     matrices(py, &points("theta", &theta)?.iter().map(lie::right_jacobian).collect::<Vec<_>>())
-}
-
-#[pyfunction]
-pub fn project<'py>(
-    py: Python<'py>,
-    camera_values: CameraTuple,
-    points_in_camera: Floats2,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let camera = camera(camera_values)?;
-    let rows: Vec<Vec<f64>> = points("points_in_camera", &points_in_camera)?
-        .iter()
-        .map(|p| {
-            if p.z > 0.0 {
-                let y = camera.project(p);
-                vec![y.x, y.y]
-            } else {
-                vec![f64::NAN; 2]
-            }
-        })
-        .collect();
-    Ok(PyArray2::from_vec2(py, &rows)?)
-}
-
-#[pyfunction]
-pub fn mask_loss<'py>(
-    py: Python<'py>,
-    observed: Floats1,
-    predicted: Floats1,
-) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
-    check_shape("predicted", predicted.shape(), &[Some(observed.len())])?;
-    let (s, p): (Vec<f64>, Vec<f64>) = (observed.as_array().to_vec(), predicted.as_array().to_vec());
-    let (loss, gradient) = losses::mask_loss(&s, &p);
-    Ok((loss, PyArray1::from_vec(py, gradient)))
 }
 
 /// Edges as rows, and their weights.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.errors import GeometryError
-from meshslam.geometry.arrays import Bytes, Floats, Ints
+from meshslam.geometry.arrays import AnyArray, Bytes, Floats, Ints
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.lie import exp_so3, hat, right_jacobian
 from meshslam.geometry.mask_loss import MaskLoss
@@ -24,13 +24,19 @@ def camera_points(
 ) -> Floats:
     """R_cam = R_c^T (R_o V A + (p_o - p_c) 1^T), points (..., n, 3) in the camera's frame, metres (Eq. 8).
 
-    `vertices` (..., V, 3) in the object's frame; `association` A (V, K), the identity if it is not given.
+    `vertices` (..., V, 3) in the object's frame; `association` A (V, K), the identity if it is not given. GeometryError
+    for a shape that does not fit, or a value that is not finite.
     """
-    points = np.asarray(vertices, float)
+    points = _checked("vertices", vertices, 3)
     if association is not None:
-        points = np.swapaxes(association, -1, -2) @ points
-    in_world = _in_world(theta_o, p_o, points) - np.asarray(p_c, float)[..., None, :]
-    in_camera: Floats = in_world @ exp_so3(theta_c)
+        weights = _checked("association", association)
+        if weights.shape[-2:-1] != points.shape[-2:-1]:
+            raise GeometryError(
+                f"association has shape {weights.shape}, expected {points.shape[-2]} rows, one a vertex"
+            )
+        points = np.swapaxes(weights, -1, -2) @ points
+    in_world = _in_world(theta_o, p_o, points) - _checked("p_c", p_c, 3)[..., None, :]
+    in_camera: Floats = in_world @ exp_so3(_checked("theta_c", theta_c, 3))
     return in_camera
 
 
@@ -58,16 +64,15 @@ def mesh_masks(
     One mesh, `vertices` (V, 3) and `faces` (F, 3), in every view. A pixel is drawn where its centre lies in a face; on an
     edge the top-left rule decides. GeometryError for NaN, or a face that names no vertex.
     """
-    states = np.broadcast_arrays(*(np.asarray(a, float) for a in (theta_c, p_c, theta_o, p_o)))
+    named = {"theta_c": theta_c, "p_c": p_c, "theta_o": theta_o, "p_o": p_o}
+    states = np.broadcast_arrays(*(_checked(name, values, 3) for name, values in named.items()))
     batch = states[0].shape[:-1]
     c, pc, o, po = (a.reshape(-1, 3) for a in states)
-    world_from_camera, world_from_object = (exp_so3(c), pc), (exp_so3(o), po)
     drawer = MaskLoss(camera, len(vertices), faces, np.zeros((1, 1), np.uint8))
     out = np.empty((len(c), camera.height, camera.width), np.uint8)
-    for k in range(len(c)):
-        camera_pose = Pose(world_from_camera[0][k], world_from_camera[1][k])
-        object_pose = Pose(world_from_object[0][k], world_from_object[1][k])
-        out[k] = drawer.draw(camera_pose.inverse() @ object_pose, vertices)
+    for k, (camera_rotation, object_rotation) in enumerate(zip(exp_so3(c), exp_so3(o), strict=True)):
+        camera_from_object = Pose(camera_rotation, pc[k]).inverse() @ Pose(object_rotation, po[k])
+        out[k] = drawer.draw(camera_from_object, vertices)
     return out.reshape(*batch, camera.height, camera.width)
 
 
@@ -78,6 +83,8 @@ def selection(detected: Ints, keypoint_count: int) -> Floats:
     what hides itself. GeometryError for an index that no key point has.
     """
     indices = np.asarray(detected)
+    if indices.dtype.kind not in "iu" and indices.size:
+        raise GeometryError(f"detected key points are indices, found {indices.dtype}")
     if indices.size and not (indices.min() >= 0 and indices.max() < keypoint_count):
         bad = int(indices[(indices < 0) | (indices >= keypoint_count)].flat[0])
         raise GeometryError(f"key point {bad} is out of range: there are {keypoint_count}")
@@ -87,7 +94,8 @@ def selection(detected: Ints, keypoint_count: int) -> Floats:
 def keypoint_loss(observed: Floats, predicted: Floats, vis: Floats) -> Floats:
     """L_kps = ||y - y_hat vis||_F^2, squared pixels, one a view (Eq. 2).
 
-    `observed` y (..., |K_lt|, 2), `predicted` y_hat (..., |K_n|, 2), `vis` (..., |K_n|, |K_lt|).
+    `observed` y (..., |K_lt|, 2), `predicted` y_hat (..., |K_n|, 2), `vis` (..., |K_n|, |K_lt|). A prediction may be NaN
+    where `vis` discards it, else GeometryError.
     """
     return np.asarray((_keypoint_gap(observed, predicted, vis) ** 2).sum((-1, -2)))
 
@@ -120,7 +128,7 @@ def projection_derivative(camera: Camera, points_in_camera: Floats) -> Floats:
 
     NaN on or behind the image plane, where no pixel is.
     """
-    points = np.asarray(points_in_camera, float)
+    points = _checked("points_in_camera", points_in_camera, 3)
     depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     x, y, one, none = points[..., 0] / depth, points[..., 1] / depth, np.ones_like(depth), np.zeros_like(depth)
     rows = ((one, none, -x), (none, one, -y))
@@ -148,13 +156,13 @@ def pixel_derivatives(
     `points` (..., n, 3) in the object's frame: vertices, or key points. Derivatives are over the axis-angle vectors
     themselves, through the right Jacobian. NaN where a point lies on or behind the image plane.
     """
-    camera_from_world = np.swapaxes(exp_so3(theta_c), -1, -2)[..., None, :, :]
-    camera_from_object = camera_from_world @ exp_so3(theta_o)[..., None, :, :]
-    v = np.asarray(points, float)
+    v = _checked("points", points, 3)
     from_camera = _in_world(theta_o, p_o, v) - np.asarray(p_c, float)[..., None, :]
-    jacobian_c = right_jacobian(-np.asarray(theta_c, float))[..., None, :, :]
+    jacobian_c = right_jacobian(-_checked("theta_c", theta_c, 3))[..., None, :, :]
     jacobian_o = right_jacobian(theta_o)[..., None, :, :]
     outer = projection_derivative(camera, camera_points(theta_c, p_c, theta_o, p_o, v))
+    camera_from_world = np.swapaxes(exp_so3(theta_c), -1, -2)[..., None, :, :]
+    camera_from_object = camera_from_world @ exp_so3(theta_o)[..., None, :, :]
     return PixelDerivatives(
         theta_c=outer @ camera_from_world @ hat(from_camera) @ jacobian_c,
         p_c=-outer @ camera_from_world,
@@ -164,16 +172,37 @@ def pixel_derivatives(
     )
 
 
+def _checked(name: str, values: AnyArray, last: int | None = None) -> Floats:
+    """Finite float64 whose last axis has `last` entries."""
+    array = np.asarray(values, float)
+    if array.ndim == 0 or (last is not None and array.shape[-1] != last):
+        raise GeometryError(f"{name} has shape {array.shape}, expected (..., {'any' if last is None else last})")
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise GeometryError(f"{name} must be finite, but entry {index} is {array[index]}")
+    return array
+
+
 def _in_world(theta_o: Floats, p_o: Floats, points: Floats) -> Floats:
-    in_world: Floats = points @ np.swapaxes(exp_so3(theta_o), -1, -2) + np.asarray(p_o, float)[..., None, :]
+    rotation = exp_so3(_checked("theta_o", theta_o, 3))
+    in_world: Floats = points @ np.swapaxes(rotation, -1, -2) + _checked("p_o", p_o, 3)[..., None, :]
     return in_world
 
 
 def _keypoint_gap(observed: Floats, predicted: Floats, vis: Floats) -> Floats:
-    gap: Floats = np.asarray(observed, float) - np.swapaxes(vis, -1, -2) @ np.asarray(predicted, float)
+    y, y_hat, v = _checked("observed", observed, 2), np.asarray(predicted, float), _checked("vis", vis)
+    if v.ndim < 2 or v.shape[-2:] != (y_hat.shape[-2], y.shape[-2]):
+        raise GeometryError(f"vis has shape {v.shape}, expected (..., {y_hat.shape[-2]}, {y.shape[-2]})")
+    has_pixel = np.isfinite(y_hat).all(-1)
+    if (~has_pixel & (v != 0).any(-1)).any():
+        index = tuple(int(i) for i in np.argwhere(~has_pixel & (v != 0).any(-1))[0])
+        raise GeometryError(f"key point {index} was detected, but its prediction lies on or behind the image plane")
+    gap: Floats = y - np.swapaxes(v, -1, -2) @ np.where(has_pixel[..., None], y_hat, 0.0)
     return gap
 
 
-def _areas(observed: Floats | Bytes, predicted: Floats | Bytes) -> tuple[Floats, Floats]:
-    s, p = np.asarray(observed, float), np.asarray(predicted, float)
+def _areas(observed: AnyArray, predicted: AnyArray) -> tuple[Floats, Floats]:
+    s, p = _checked("observed", observed), _checked("predicted", predicted)
+    if s.ndim < 2 or s.shape[-2:] != p.shape[-2:]:
+        raise GeometryError(f"masks must have one size, found {s.shape} and {p.shape}")
     return (s * p).sum((-1, -2)), (s + p - s * p).sum((-1, -2))
