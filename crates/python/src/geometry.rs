@@ -23,7 +23,8 @@ fn matrix3<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArra
 /// Matrices (n, 3, 3).
 fn matrices<'py>(py: Python<'py>, found: &[Matrix3<f64>]) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let values: Vec<f64> = found.iter().flat_map(|m| m.transpose().iter().copied().collect::<Vec<_>>()).collect();
-    let array = Array3::from_shape_vec((found.len(), 3, 3), values).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let array =
+        Array3::from_shape_vec((found.len(), 3, 3), values).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(array.into_pyarray(py))
 }
 

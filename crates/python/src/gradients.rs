@@ -180,6 +180,7 @@ pub fn kato_pixel_gradient<'py>(
         )));
     }
     let slope: Vec<f64> = slope.as_array().iter().copied().collect();
+    meshslam_core::error::check_finite("slope", &slope).map_err(to_python)?;
     let rect = Rect { x0: 0, y0: 0, width, height };
     let found = pixel_gradient(&vertices, &topology.faces, &Picture { rect, face: &face, slope: &slope });
     let rows: Vec<Vec<f64>> = found.iter().map(|g| vec![g.x, g.y]).collect();
