@@ -49,6 +49,8 @@ pub struct Silhouette {
     pub contour: Vec<[u32; 2]>,
     /// Runs of covered pixels of such a mesh: (row, first column, column after the last), relative to `rect`.
     pub spans: Vec<(u32, u32, u32)>,
+    /// First span of each row of `rect`; one entry more than rows.
+    pub span_start: Vec<u32>,
     /// Whether contour, rows and spans are filled in; else `mask` is.
     pub by_contour: bool,
     /// The contour's crossings with rows.
@@ -75,6 +77,18 @@ impl Silhouette {
             self.mask.resize(self.rect.area(), 0);
             fill_mask(camera, points_in_camera, &topology.faces, &self.rect, &mut self.mask);
         }
+    }
+
+    /// Whether a mesh drawn by its contour covers the centre of an image pixel.
+    #[inline]
+    #[must_use]
+    pub fn covers(&self, x: i64, y: i64) -> bool {
+        let (u, v) = (x - self.rect.x0, y - self.rect.y0);
+        if v < 0 || v >= self.rect.height as i64 || u < 0 {
+            return false;
+        }
+        let (from, to) = (self.span_start[v as usize] as usize, self.span_start[v as usize + 1] as usize);
+        self.spans[from..to].iter().any(|&(_, start, end)| u >= i64::from(start) && u < i64::from(end))
     }
 
     /// The mask drawn: 1 where the mesh covers the pixel's centre, row-major over `rect`.
@@ -123,9 +137,9 @@ impl Silhouette {
     }
 
     fn scan(&mut self) {
-        let Self { rows, contour, pixels, rect, spans, .. } = self;
+        let Self { rows, contour, pixels, rect, spans, span_start, .. } = self;
         rows.cross(contour, pixels, rect);
-        rows.walk(rect, spans);
+        rows.walk(rect, spans, span_start);
     }
 }
 
@@ -171,9 +185,11 @@ impl Rows {
     }
 
     /// Walk each row's crossings in order: runs of winding numbers above 0 are covered. `starts` hold the rows' ends.
-    fn walk(&mut self, rect: &Rect, spans: &mut Vec<(u32, u32, u32)>) {
+    fn walk(&mut self, rect: &Rect, spans: &mut Vec<(u32, u32, u32)>, span_start: &mut Vec<u32>) {
         let column = |x: f64| (ceil(x) - rect.x0).clamp(0, rect.width as i64) as u32;
         let mut start = 0;
+        span_start.clear();
+        span_start.push(0);
         for row in 0..rect.height {
             let end = self.starts[row] as usize;
             let crossings = &mut self.crossings[start..end];
@@ -193,6 +209,7 @@ impl Rows {
                 }
             }
             start = end;
+            span_start.push(spans.len() as u32);
         }
     }
 }

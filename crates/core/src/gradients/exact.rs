@@ -10,7 +10,7 @@ use super::{Chain, MaskGradient, ObservedMask, loss_slopes};
 use crate::camera::Camera;
 use crate::lie::Pose;
 use crate::mesh::Topology;
-use crate::outline::outline;
+use crate::outline::{nearest, outline};
 use crate::raster::Rect;
 use crate::silhouette::Silhouette;
 use crate::visible::{Piece, Visible};
@@ -144,10 +144,10 @@ fn integrate<const STEEP: bool>(
         whole += weight;
         of_second += (0.5 * (from + to) - start.0) * inverse * weight;
     };
-    for pixel in pixel_of(low).max(first)..=pixel_of(high).min(first + size as i64 - 1) {
+    for pixel in nearest(low).max(first)..=nearest(high).min(first + size as i64 - 1) {
         let (from, to) = (low.max(pixel as f64 - 0.5), high.min(pixel as f64 + 0.5));
         let across = |at: f64| start.1 + (at - start.0) * slope;
-        let (here, there) = (pixel_of(across(from)), pixel_of(across(to)));
+        let (here, there) = (nearest(across(from)), nearest(across(to)));
         if here == there {
             add(from, to, value(pixel, here));
         } else {
@@ -159,14 +159,6 @@ fn integrate<const STEEP: bool>(
         }
     }
     (whole - of_second, of_second)
-}
-
-/// The pixel that a coordinate lies in; without a call into the mathematics library.
-#[inline]
-fn pixel_of(x: f64) -> i64 {
-    let shifted = x + 0.5;
-    let whole = shifted as i64;
-    whole - i64::from(whole as f64 > shifted)
 }
 
 /// The same integral by samples of the outline, for open meshes and for those that the near plane cuts.
