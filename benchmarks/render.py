@@ -2,7 +2,8 @@
 
     .venv/bin/python benchmarks/render.py [--quick]
 
-Writes benchmarks/out/render.json (minima of interleaved runs, medians beside) and render.png, and prints a table.
+Writes benchmarks/out/render.json (one view beside DEODR: minima of interleaved runs, medians beside),
+render_scaling.json (many views, sizes, threads) and render.png, and prints a table.
 """
 
 from __future__ import annotations
@@ -274,6 +275,7 @@ def main() -> None:
     )
     rows = [side_by_side(mesh, model, distance_m, a.rounds) for distance_m in DISTANCES_M]
     print("minima, medians in brackets\n" + table(rows))
+    (OUT / "render.json").write_text(json.dumps(rows, indent=1) + "\n")
     if a.quick:
         return
 
@@ -287,9 +289,9 @@ def main() -> None:
     for size in sizes:
         for count in VIEW_COUNTS:
             scaling += many_views(size, count, (1,), 8)
-    (OUT / "render.json").write_text(json.dumps(rows + scaling, indent=1) + "\n")
+    (OUT / "render_scaling.json").write_text(json.dumps(scaling, indent=1) + "\n")
     plot(rows, scaling[2:], OUT / "render.png")
-    print(f"wrote {OUT / 'render.json'} and render.png")
+    print(f"wrote render.json, render_scaling.json and render.png in {OUT}")
 
 
 def speedup(one: dict[str, float], two: dict[str, float]) -> float:
