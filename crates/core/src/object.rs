@@ -4,13 +4,15 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::error::{Result, check_length};
 use crate::lie::{Pose, hat};
-use crate::outline::{OutlineSample, outline};
+use crate::outline::{OutlineSample, contour_samples, outline};
 use crate::raster::{Rect, fill_mask};
 use crate::residuals::border::{BorderNoise, border_rows};
 use crate::residuals::ground::{Ground, ground_rows};
 use crate::residuals::kernel::Kernel;
 use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
+use crate::residuals::normal::VertexNormal;
 use crate::residuals::{Row, Rows, Term, object_derivative};
+use crate::silhouette::Silhouette;
 use crate::solve::envelope::{Envelope, reverse_cuthill_mckee};
 use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marquardt};
 use crate::template::Template;
@@ -348,9 +350,16 @@ impl Problem for ObjectProblem<'_> {
 
     fn linearize(&self, state: &ObjectState, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
         let (rows, vertices) = self.rows(state);
+        let mut borders = VertexNormal::new(vertices.len());
         for (row, terms) in rows.iter() {
-            self.add_row(row, terms, state, &vertices, hessian, gradient);
+            match terms {
+                // rows of the border, nearly all: gathered over the two vertices first
+                [first, second] if !self.scope.free_form && !self.scope.velocity => borders.add(row, first, second),
+                _ => self.add_row(row, terms, state, &vertices, hessian, gradient),
+            }
         }
+        let modes = self.scope.modes.then_some(self.template);
+        borders.gather(&vertices, modes, self.layout.free_form, hessian, gradient);
         if self.scope.modes {
             let base = self.layout.free_form + 6;
             for (k, c) in state.z.iter().enumerate() {
@@ -449,10 +458,16 @@ fn view_outline(
     step_px: f64,
 ) -> Vec<OutlineSample> {
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = mesh_rect(view, &points);
-    let mut mask = vec![0; rect.area()];
-    fill_mask(&view.camera, &points, &template.topology.faces, &rect, &mut mask);
-    outline(&view.camera, &points, &template.topology, &rect, &mask, step_px)
+    let mut drawn = Silhouette::default();
+    drawn.draw(&view.camera, &points, &template.topology);
+    let mut samples = Vec::new();
+    if drawn.by_contour {
+        contour_samples(&points, &drawn, step_px, &mut samples);
+    } else {
+        let rect = drawn.rect;
+        samples = outline(&view.camera, &points, &template.topology, &rect, drawn.mask(), step_px);
+    }
+    samples
 }
 
 /// The part of the image that a mesh may cover.

@@ -1,12 +1,12 @@
 //! `template`, `view` and `object` of the core.
 
-use meshslam_core::object::{self, Model, ObjectState, Scope};
+use meshslam_core::object::{self, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
 use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::solve::levenberg_marquardt::{Options, Stop};
+use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Stop};
 use meshslam_core::template::Template as CoreTemplate;
 use meshslam_core::view::{BorderPoint, View as CoreView};
 use nalgebra::Vector3;
@@ -194,6 +194,42 @@ impl Template {
             stop,
             iterations,
         ))
+    }
+
+    /// Seconds of one evaluation of residuals, Jacobians and normal equations, each of `runs`.
+    #[allow(clippy::too_many_arguments)] // the binding of one function
+    fn time(
+        &self,
+        py: Python,
+        views: Vec<Bound<View>>,
+        ground_values: Option<GroundTuple>,
+        model_values: ModelTuple,
+        scope: ScopeTuple,
+        world_from_object: Floats2,
+        z: Floats1,
+        d: Floats1,
+        velocity: Floats1,
+        runs: usize,
+    ) -> PyResult<Vec<f64>> {
+        let views = core_views(&views);
+        let (ground, model, state) =
+            (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
+        check_shape("z", &[state.z.len()], &[Some(self.inner.mode_count)])?;
+        check_shape("d", &[state.d.len()], &[Some(self.inner.symmetry.dimension())])?;
+        let scope = Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 };
+        Ok(py.detach(|| {
+            let problem = ObjectProblem::new(&self.inner, &views, ground, model, scope);
+            let (mut hessian, mut gradient) = (problem.structure(), Vec::new());
+            let mut once = || {
+                hessian.clear();
+                gradient.clear();
+                gradient.resize(hessian.size(), 0.0);
+                let start = std::time::Instant::now();
+                std::hint::black_box(problem.linearize(std::hint::black_box(&state), &mut hessian, &mut gradient));
+                start.elapsed().as_secs_f64()
+            };
+            (0..runs).map(|_| once()).collect()
+        }))
     }
 
     /// Covariance of the pose at the mesh's centre, sigma of each vertex, which vertices were observed.

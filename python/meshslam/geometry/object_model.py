@@ -203,6 +203,32 @@ class ObjectModel:
         iterations = tuple(Iteration(*row) for row in rows)
         return Refined(ObjectState(Pose.from_matrix(pose), z, d, v), cost, stop, iterations)
 
+    def seconds(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+        runs: int,
+    ) -> list[float]:
+        """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
+        with geometry_errors():
+            return self._template.time(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                runs,
+            )
+
     def uncertainty(
         self,
         views: Sequence[View],
