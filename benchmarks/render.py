@@ -27,7 +27,7 @@ from meshslam.categories.icosphere import subdivide
 from meshslam.geometry import Camera, MaskLoss, NoiseModel, ObjectModel, Pose, View, mask_gradients, mask_iou, render
 
 matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402 - after the backend is chosen
+from matplotlib import pyplot
 
 OUT = Path(__file__).resolve().parent / "out"
 CAMERA = Camera(1242, 375, 721.5, 721.5, 609.6, 172.9)

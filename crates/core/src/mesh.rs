@@ -188,6 +188,16 @@ impl Symmetry {
         })
     }
 
+    /// Sᵀ g: a gradient over vertices as one over the degrees of freedom.
+    #[must_use]
+    pub fn pull_back(&self, vertex_gradient: &[Vector3<f64>]) -> Vec<f64> {
+        let mut out = vec![0.0; self.dimension()];
+        for (vertex, gradient) in vertex_gradient.iter().enumerate() {
+            self.freedoms(vertex).for_each(|(i, axis, sign)| out[i] += sign * gradient[axis]);
+        }
+        out
+    }
+
     /// Displacement S d of one vertex.
     #[must_use]
     pub fn displacement(&self, vertex: usize, d: &[f64]) -> Vector3<f64> {

@@ -145,6 +145,16 @@ impl Template {
         Ok(PyArray2::from_vec2(py, &point_rows(&vertices))?)
     }
 
+    /// A gradient over vertices as one over the free-form displacement.
+    fn free_form_gradient<'py>(
+        &self,
+        py: Python<'py>,
+        vertex_gradient: Floats2,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        check_shape("vertex gradient", vertex_gradient.shape(), &[Some(self.inner.mean.len()), Some(3)])?;
+        Ok(PyArray1::from_vec(py, self.inner.symmetry.pull_back(&points("vertex gradient", &vertex_gradient)?)))
+    }
+
     /// Lower the cost over pose and the blocks asked for: (world_from_object, z, d, cost, why it stopped, iterations).
     #[allow(clippy::too_many_arguments, clippy::type_complexity)] // the binding of one function
     fn refine<'py>(

@@ -21,6 +21,9 @@ def map_(
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
     category: Annotated[str | None, typer.Option(help="Category to map.")] = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
+    solver: Annotated[
+        str | None, typer.Option(help="residuals: second order on the outline; gradient: the paper's descent.")
+    ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run of other settings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
@@ -44,6 +47,8 @@ def map_(
     settings = replace(settings, input=overlaid(settings.input, given, "flags"))
     if tracker is not None:
         settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
+    if solver is not None:
+        settings = replace(settings, mapping=overlaid(settings.mapping, {"solver": solver}, "--solver"))
     figures = run_map(settings, out, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
 

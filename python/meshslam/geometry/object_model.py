@@ -131,6 +131,11 @@ class ObjectModel:
         """Vertices (V, 3) of a state's shape, in the object's frame."""
         return self._template.vertices(floats(state.z), floats(state.d))
 
+    def free_form_gradient(self, vertex_gradient: Floats) -> Floats:
+        """S^T g (D,): a gradient over vertices (V, 3) as one over the free-form displacement d."""
+        with geometry_errors():
+            return self._template.free_form_gradient(floats(vertex_gradient))
+
     def view(
         self,
         camera: Camera,

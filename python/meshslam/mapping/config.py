@@ -3,14 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from meshslam.geometry import NoiseModel
 from meshslam.mapping.camera_rotations import RotationConfig
 
 
 @dataclass(frozen=True)
+class GradientConfig:
+    """Weights, steps and iterations of the paper's solver, which leaves them open; each step falls to 0 along a cosine.
+
+    Steps are what a gradient of one a radian, a metre (pose) or one a metre at one vertex moves.
+    """
+
+    max_views: int = 8
+    keypoint_min_score: float = 0.5  # quality q_lt above which key points are collected
+    mask_weight: float = 1.0
+    keypoint_weight: float = 1e-4  # 1/px^2
+    curvature_weight: float = 1.0  # 1/m^2
+    pose_iterations: int = 100
+    rotation_step: float = 0.002  # rad^2
+    position_step: float = 0.005  # m^2
+    shape_iterations: int = 100
+    vertex_step: float = 0.02  # m^2
+
+
+@dataclass(frozen=True)
 class MappingConfig:
     """Settings of mapping; lengths in metres, pixels where the name says so."""
+
+    solver: Literal["residuals", "gradient"] = "residuals"  # second order on the outline, or the paper's
+    gradient: GradientConfig = field(default_factory=GradientConfig)
 
     noise: NoiseModel = field(default_factory=NoiseModel)
     estimate_noise: bool = True  # the border's sigma and correlation length, from the first fits

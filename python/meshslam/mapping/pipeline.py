@@ -15,6 +15,7 @@ from meshslam.categories import Category
 from meshslam.geometry import ObjectModel, ObjectState
 from meshslam.mapping.config import LeftOut, MappingConfig
 from meshslam.mapping.frames import Frames
+from meshslam.mapping.gradient_descent import reconstruct_by_gradient
 from meshslam.mapping.ground import road_points
 from meshslam.mapping.initialize import flipped
 from meshslam.mapping.noise import estimated_noise
@@ -91,6 +92,9 @@ def map_objects(
     tracks, left_out = usable_tracks(frames, detections, category.name, config)
 
     occluders = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame())
+    if config.solver == "gradient":
+        work = _each("descend", lambda t: _by_gradient(t, scene, occluders), tracks, progress)
+        return _mapping(work, left_out, detections, scene, progress)
     work = _each("initialize", lambda t: _first_pass(t, scene, occluders), tracks, progress)
     scene = with_noise_of(scene, work)
     work, gone = _without_unfit(_each("fit", lambda w: _again(w, scene), work, progress), scene)
@@ -102,11 +106,16 @@ def map_objects(
         placed = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame(), _placed(work, scene))
         work = _each(f"refine {number}", partial(_next_pass, scene=scene, occluders=placed), work, progress)
     work = _each("shape", lambda w: _Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
-    work, gone = _without_unfit(work, scene)
-    left_out += gone
-    work, gone = _without_duplicates(work, scene)
-    left_out += gone
+    return _mapping(work, left_out, detections, scene, progress)
 
+
+def _mapping(
+    work: list[_Work], left_out: list[LeftOut], detections: DetectionSet, scene: Scene, progress: Progress | None
+) -> Mapping:
+    """What fits and stands in a place of its own, with its uncertainty."""
+    work, unfit = _without_unfit(work, scene)
+    work, doubled = _without_duplicates(work, scene)
+    left_out = left_out + unfit + doubled
     objects = _each("uncertainty", lambda w: _map_object(w, scene), work, progress)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     ious = _stage_ious(work, scene)
@@ -192,6 +201,11 @@ def observe(track: Track, scene: Scene, occluders: Occluders) -> Observed:
 def _first_pass(track: Track, scene: Scene, occluders: Occluders) -> _Work:
     observed = observe(track, scene, occluders)
     return _Work(observed, reconstruct(observed, scene))
+
+
+def _by_gradient(track: Track, scene: Scene, occluders: Occluders) -> _Work:
+    observed = observe(track, scene, occluders)
+    return _Work(observed, reconstruct_by_gradient(observed, scene))
 
 
 def _next_pass(work: _Work, scene: Scene, occluders: Occluders) -> _Work:

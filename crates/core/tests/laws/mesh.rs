@@ -158,6 +158,19 @@ fn symmetric_displacements_are_mirrored_and_span_all_of_them() {
 }
 
 #[test]
+fn a_gradient_pulled_back_is_the_transpose_of_displacement() {
+    let (vertices, _) = icosphere(2);
+    let symmetry = Symmetry::new(vertices.len(), Some(&mirror(&vertices))).unwrap();
+    let mut random = Random(12);
+    let d: Vec<f64> = (0..symmetry.dimension()).map(|_| random.uniform(-1.0, 1.0)).collect();
+    let gradient: Vec<Vector3<f64>> =
+        vertices.iter().map(|_| Vector3::from_fn(|_, _| random.uniform(-1.0, 1.0))).collect();
+    let over_vertices: f64 = gradient.iter().enumerate().map(|(v, g)| g.dot(&symmetry.displacement(v, &d))).sum();
+    let over_d: f64 = symmetry.pull_back(&gradient).iter().zip(&d).map(|(g, d)| g * d).sum();
+    assert!((over_vertices - over_d).abs() < 1e-12 * over_vertices.abs().max(1.0));
+}
+
+#[test]
 fn each_freedom_moves_its_own_pair_by_one() {
     let (vertices, _) = icosphere(1);
     let symmetry = Symmetry::new(vertices.len(), Some(&mirror(&vertices))).unwrap();
