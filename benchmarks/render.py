@@ -1,4 +1,4 @@
-"""The renderer and its gradients beside DEODR's and OpenCV's: one car, one view, one thread; then threads, sizes and views.
+"""The renderer and its gradients beside DEODR's and OpenCV's: one car in one view; then threads, sizes and views.
 
     .venv/bin/python benchmarks/render.py [--quick]
 
@@ -27,7 +27,7 @@ from meshslam.categories.icosphere import subdivide
 from meshslam.geometry import Camera, MaskLoss, NoiseModel, ObjectModel, Pose, View, mask_gradients, mask_iou, render
 
 matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402 - after the backend is chosen
+from matplotlib import pyplot
 
 OUT = Path(__file__).resolve().parent / "out"
 CAMERA = Camera(1242, 375, 721.5, 721.5, 609.6, 172.9)
@@ -253,7 +253,7 @@ def plot(rows: list[dict[str, float]], scaling: list[dict[str, float]], path: Pa
 
 def table(rows: list[dict[str, float]]) -> str:
     """The side-by-side rows as Markdown."""
-    head = "| distance | meshslam ms | DEODR ms | ratio | target | mask IoU | OpenCV fill ms | residuals ms | of gradient |"
+    head = "| distance | meshslam ms | DEODR ms | ratio | target | mask IoU | OpenCV ms | residuals ms | of gradient |"
     lines = [head, "| --- " * 9 + "|"]
     for r in rows:
         lines.append(

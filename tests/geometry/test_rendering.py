@@ -1,4 +1,4 @@
-"""The rasterizer against rays, pixel by pixel: open, closed, broken and many meshes, and a car that the camera passes."""
+"""The rasterizer against rays, pixel by pixel: open, closed, broken, many, and a car that the camera passes."""
 
 import numpy as np
 import pytest

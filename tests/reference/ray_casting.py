@@ -1,4 +1,4 @@
-"""The slow twin of the rasterizer: a ray through each pixel's centre against every face, without projection or clipping."""
+"""The slow twin of the rasterizer: a ray through each pixel's centre against every face; no projection, no clipping."""
 
 from __future__ import annotations
 

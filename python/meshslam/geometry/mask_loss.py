@@ -57,7 +57,7 @@ class MaskLoss:
             return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
 
     def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> list[float]:
-        """Time of each of `runs` exact evaluations, drawing, loss and chain rule included, without what crosses over."""
+        """Time of each of `runs` exact evaluations: drawing, loss, chain rule; not what crosses over."""
         with geometry_errors():
             return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
 
