@@ -8,7 +8,7 @@ RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.l
 export OMP_NUM_THREADS ?= 2
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 
-.PHONY: help setup demo test lint format bench bench-render clean
+.PHONY: help setup demo test lint format bench bench-render fuzz clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -53,7 +53,11 @@ $(VENV)/.bench: $(VENV)/.packages benchmarks/requirements.txt
 	@touch $@
 
 bench-render: setup $(VENV)/.bench ## the renderer and its gradients side by side with DEODR and OpenCV
-	$(BIN)/python benchmarks/render.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/render.py
+
+fuzz: ## hostile input to the core's entry points for FUZZ_SECONDS (600), with overflow checks; FUZZ_SEED repeats a finding
+	CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true \
+	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 
 clean: ## remove what was built
 	rm -rf $(VENV) target demo benchmarks/out

@@ -11,6 +11,7 @@ __all__ = [
     "Template",
     "View",
     "cotangent_weights",
+    "coverage",
     "exp_so3",
     "kato_pixel_gradient",
     "log_so3",
@@ -41,6 +42,9 @@ def triangulate(
 def rasterize(
     camera_values: _Camera, meshes: Sequence[tuple[_Floats, _Ints]], rect_values: _Rect
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], _Floats]: ...
+def coverage(
+    camera_values: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, samples: int
+) -> _Floats: ...
 def outline(
     camera_values: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, step_px: float
 ) -> _Floats: ...

@@ -146,7 +146,7 @@ def test_hat_is_the_cross_product(rng):
 
 
 def test_batches_broadcast_and_give_what_each_view_gives_alone(rng):
-    theta_c, p_c, theta_o, p_o = random_states(rng, 6)
+    theta_c, p_c, theta_o, _ = random_states(rng, 6)
     vertices, association = rng.uniform(-1, 1, (9, 3)), rng.uniform(0, 1, (9, 4))
     one_object = (theta_c, p_c, theta_o[0], p_c + np.einsum("bij,j->bi", exp_so3(theta_c), [0.3, 0.2, 9.0]))
     together = keypoint_pixels(CAMERA, *one_object, vertices, association)

@@ -1,7 +1,7 @@
 """Kato's approximate gradient, one scalar at a time: the slow twin of core/gradients/kato.
 
-Per face, edge, axis and scanline, an outward and an inward pass; a pixel counts only if its change lowers the loss, with
-weight 1/distance (Kato, Ushiku and Harada 2018, Sec. 3, as their renderer does it). Pixel coordinates throughout.
+Per face, edge, axis and scanline, an outward and an inward pass; a pixel counts only if its change lowers the loss,
+with weight 1/distance (Kato, Ushiku and Harada 2018, Sec. 3, as their renderer does it). Pixel coordinates throughout.
 """
 
 from __future__ import annotations

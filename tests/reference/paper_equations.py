@@ -1,4 +1,4 @@
-"""The paper's equations as symbols, derived by sympy and evaluated with 60 digits: the slow twin of geometry/observation.
+"""The paper's equations as symbols, derived by sympy, evaluated with 60 digits: the twin of geometry/observation.
 
 Nothing of Propositions 1 and 2 is written down here: derivatives come from differentiating Eq. 2 and Eq. 6 to 8.
 """

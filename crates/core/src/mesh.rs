@@ -106,8 +106,10 @@ pub fn cotangent_weights(topology: &Topology, vertices: &[Vector3<f64>]) -> Vec<
             let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
             let (u, v) = (vertices[a as usize] - vertices[c as usize], vertices[b as usize] - vertices[c as usize]);
             let area = u.cross(&v).norm();
-            if let (true, Some(&edge)) = (area > 1e-12, index_of.get(&[a.min(b), a.max(b)])) {
-                weights[edge] += 0.5 * u.dot(&v) / area;
+            let cotangent = u.dot(&v) / area;
+            let sound = area > 1e-12 && cotangent.is_finite();
+            if let (true, Some(&edge)) = (sound, index_of.get(&[a.min(b), a.max(b)])) {
+                weights[edge] += 0.5 * cotangent;
             }
         }
     }

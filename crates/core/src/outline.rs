@@ -126,7 +126,7 @@ pub fn contour_samples(
 pub(crate) fn nearest(x: f64) -> i64 {
     let shifted = x + 0.5;
     let whole = shifted as i64;
-    whole - i64::from(whole as f64 > shifted)
+    whole.saturating_sub(i64::from(whole as f64 > shifted))
 }
 
 /// Sample the part of an edge that lies before the near plane; `third` tells which side the mesh is on.

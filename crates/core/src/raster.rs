@@ -43,7 +43,7 @@ impl Rect {
     /// Flat index of a pixel, if it lies inside.
     #[must_use]
     pub fn index(&self, x: i64, y: i64) -> Option<usize> {
-        let (u, v) = (x - self.x0, y - self.y0);
+        let (u, v) = (x.saturating_sub(self.x0), y.saturating_sub(self.y0));
         let inside = u >= 0 && v >= 0 && (u as usize) < self.width && (v as usize) < self.height;
         inside.then(|| v as usize * self.width + u as usize)
     }
@@ -153,7 +153,7 @@ pub fn for_each_span(corners: &Corners, rect: &Rect, mut visit: impl FnMut(usize
         for row in clamp(a.y)..clamp(b.y) {
             let y = row as f64;
             let (u, v) = (top.x + (y - top.y) * long, a.x + (y - a.y) * short);
-            let limit = |x: f64| (x.ceil() as i64 - rect.x0).clamp(0, rect.width as i64) as usize;
+            let limit = |x: f64| (x.ceil() as i64).saturating_sub(rect.x0).clamp(0, rect.width as i64) as usize;
             let (start, end) = (limit(u.min(v)), limit(u.max(v)));
             if start < end {
                 visit((row - first) as usize, start, end);
@@ -168,6 +168,53 @@ pub fn fill_mask(camera: &Camera, points_in_camera: &[Vector3<f64>], faces: &[[u
         for_each_span(corners, rect, |row, start, end| mask[row * rect.width + start..row * rect.width + end].fill(1));
     });
 }
+
+/// How much of each pixel of `rect` the mesh covers, 0 to 1: the share of `samples` × `samples` points spread over it evenly.
+#[must_use]
+pub fn coverage(
+    camera: &Camera,
+    points_in_camera: &[Vector3<f64>],
+    faces: &[[u32; 3]],
+    rect: &Rect,
+    samples: usize,
+) -> Vec<f64> {
+    let n = samples.max(1);
+    let scale = n as f64;
+    // its pixels are the samples: pixel x holds n x .. n x + n − 1, the centre of all at n x + (n − 1)/2
+    let centre = |c: f64| (c + 0.5) * scale - 0.5;
+    let fine = Camera {
+        fx: camera.fx * scale,
+        fy: camera.fy * scale,
+        cx: centre(camera.cx),
+        cy: centre(camera.cy),
+        skew: camera.skew * scale,
+        ..*camera
+    };
+    // one strip of pixels after another, so that the samples stay in the cache
+    let mut out = vec![0.0; rect.area()];
+    let height = STRIP_ROWS.min(rect.height);
+    let mut mask = vec![0u8; height * rect.width * n * n];
+    for first in (0..rect.height).step_by(STRIP_ROWS) {
+        let rows = height.min(rect.height - first);
+        let strip = Rect {
+            x0: rect.x0 * n as i64,
+            y0: (rect.y0 + first as i64) * n as i64,
+            width: rect.width * n,
+            height: rows * n,
+        };
+        let mask = &mut mask[..strip.area()];
+        mask.fill(0);
+        fill_mask(&fine, points_in_camera, faces, &strip, mask);
+        for (i, &m) in mask.iter().enumerate() {
+            out[(first + i / (strip.width * n)) * rect.width + i % strip.width / n] += f64::from(m);
+        }
+    }
+    out.iter_mut().for_each(|c| *c /= scale * scale);
+    out
+}
+
+/// Rows of pixels that [`coverage`] draws at once.
+const STRIP_ROWS: usize = 32;
 
 /// What is nearest in each pixel of a rectangle.
 #[derive(Debug, Clone, PartialEq)]

@@ -97,8 +97,8 @@ impl View {
 
     /// Index of the crop's pixel nearest to a point.
     fn nearest(&self, pixel: &Vector2<f64>) -> usize {
-        let column = (nearest(pixel.x) - self.crop.x0).clamp(0, self.crop.width as i64 - 1) as usize;
-        let row = (nearest(pixel.y) - self.crop.y0).clamp(0, self.crop.height as i64 - 1) as usize;
+        let column = nearest(pixel.x).saturating_sub(self.crop.x0).clamp(0, self.crop.width as i64 - 1) as usize;
+        let row = nearest(pixel.y).saturating_sub(self.crop.y0).clamp(0, self.crop.height as i64 - 1) as usize;
         row * self.crop.width + column
     }
 

@@ -2,6 +2,11 @@
 
 use nalgebra::Vector3;
 
+use crate::error::{Error, Result};
+
+/// A grid holds at most this many samples.
+const MOST_SAMPLES: f64 = (1u64 << 28) as f64;
+
 /// Step of a grid laid over two meshes, and where its samples lie.
 struct Grid {
     origin: Vector3<f64>,
@@ -10,7 +15,7 @@ struct Grid {
 }
 
 impl Grid {
-    fn over(a: &[Vector3<f64>], b: &[Vector3<f64>], step: f64) -> Self {
+    fn over(a: &[Vector3<f64>], b: &[Vector3<f64>], step: f64) -> Result<Self> {
         let mut low = Vector3::repeat(f64::INFINITY);
         let mut high = Vector3::repeat(f64::NEG_INFINITY);
         for p in a.iter().chain(b) {
@@ -20,7 +25,12 @@ impl Grid {
         // offsets that keep samples off the round numbers where a mesh's faces like to lie
         let origin = low - Vector3::repeat(0.1137) + Vector3::new(1.7e-4, 3.4e-4, 5.1e-4);
         let span = high + Vector3::repeat(0.1) - (low - Vector3::repeat(0.1137));
-        Self { origin, step, counts: [span.x, span.y, span.z].map(|s| (s / step).ceil().max(0.0) as usize) }
+        let counts = [span.x, span.y, span.z].map(|s| (s / step).ceil().max(0.0));
+        let samples = counts[0] * counts[1] * (counts[2] + 1.0);
+        if !(a.is_empty() && b.is_empty() || samples <= MOST_SAMPLES) {
+            return Err(Error::Range { what: "samples of the voxel grid", expected: "at most 2^28", found: samples });
+        }
+        Ok(Self { origin, step, counts: counts.map(|c| c as usize) })
     }
 
     /// Signed crossings of each vertical line through the grid, where each takes effect.
@@ -58,15 +68,17 @@ impl Grid {
 }
 
 /// Intersection over union of two closed meshes' volumes in one frame, sampled every `step_m`; 0 if both are empty.
-#[must_use]
+///
+/// # Errors
+/// [`Error::Range`] if the step is too fine for the meshes' extent.
 pub fn voxel_iou(
     vertices_a: &[Vector3<f64>],
     faces_a: &[[u32; 3]],
     vertices_b: &[Vector3<f64>],
     faces_b: &[[u32; 3]],
     step_m: f64,
-) -> f64 {
-    let grid = Grid::over(vertices_a, vertices_b, step_m);
+) -> Result<f64> {
+    let grid = Grid::over(vertices_a, vertices_b, step_m)?;
     let (a, b) = (grid.crossings(vertices_a, faces_a), grid.crossings(vertices_b, faces_b));
     let depth = grid.counts[2] + 1;
     let (mut both, mut either) = (0usize, 0usize);
@@ -79,5 +91,5 @@ pub fn voxel_iou(
             either += usize::from(wind_a != 0 || wind_b != 0);
         }
     }
-    both as f64 / either.max(1) as f64
+    Ok(both as f64 / either.max(1) as f64)
 }

@@ -78,7 +78,7 @@ pub fn voxel_iou(
     if !(step_m.is_finite() && step_m > 0.0) {
         return Err(PyValueError::new_err(format!("step_m must be positive, found {step_m}")));
     }
-    Ok(py.detach(|| voxel::voxel_iou(&va, &fa, &vb, &fb, step_m)))
+    py.detach(|| voxel::voxel_iou(&va, &fa, &vb, &fb, step_m)).map_err(to_python)
 }
 
 /// A point in the world and its covariance, as rows.

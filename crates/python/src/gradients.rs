@@ -1,5 +1,8 @@
 //! `gradients` and `silhouette` of the core.
 
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
 use meshslam_core::camera::Camera;
 use meshslam_core::gradients::exact::{Workspace, exact_gradient};
 use meshslam_core::gradients::kato::{Picture, kato_gradient, pixel_gradient};
@@ -14,6 +17,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3,
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::convert::{CameraTuple, Floats2, Ints2, camera, check_shape, faces, pixels, points, pose, to_python};
 
@@ -118,6 +122,21 @@ impl MaskLoss {
     }
 }
 
+/// Work is parted into so many pieces for each thread, so that none waits long for another.
+const PIECES_A_THREAD: usize = 4;
+
+/// A pool of so many threads (0: all), started once.
+fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
+    static POOLS: Mutex<BTreeMap<usize, Arc<ThreadPool>>> = Mutex::new(BTreeMap::new());
+    let failed = |e: String| PyValueError::new_err(format!("no pool of {threads} threads: {e}"));
+    let mut pools = POOLS.lock().map_err(|e| failed(e.to_string()))?;
+    if let Some(pool) = pools.get(&threads) {
+        return Ok(pool.clone());
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| failed(e.to_string()))?;
+    Ok(pools.entry(threads).or_insert(Arc::new(pool)).clone())
+}
+
 /// Exact loss and gradient of one mesh in many views, side by side on `threads` threads (0: all).
 #[pyfunction]
 pub fn mask_gradients<'py>(
@@ -144,13 +163,12 @@ pub fn mask_gradients<'py>(
         return Err(PyValueError::new_err(format!("loss {odd} is of a mesh with another number of vertices")));
     }
     let views: Vec<&MaskLoss> = losses.iter().map(|l| l.get()).collect();
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let pool = pool(threads)?;
     let found: Vec<MaskGradient> = py.detach(|| {
         pool.install(|| {
-            let pairs = views.par_iter().zip(&poses);
+            // few pieces: each starts with empty buffers
+            let least = views.len().div_ceil(PIECES_A_THREAD * pool.current_num_threads());
+            let pairs = views.par_iter().zip(&poses).with_min_len(least);
             pairs
                 .map_init(Workspace::default, |work, (loss, pose)| loss.evaluate(pose, &vertices, false, work))
                 .collect()

@@ -17,5 +17,5 @@ mod _core {
     #[pymodule_export]
     use super::object::{Template, View};
     #[pymodule_export]
-    use super::raster::{outline, rasterize};
+    use super::raster::{coverage, outline, rasterize};
 }

@@ -2,7 +2,7 @@
 
 use meshslam_core::mesh::Topology;
 use meshslam_core::outline::outline as core_outline;
-use meshslam_core::raster::{Raster, Rect, fill_mask};
+use meshslam_core::raster::{Raster, Rect, coverage as core_coverage, fill_mask};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::exceptions::PyValueError;
@@ -51,6 +51,26 @@ pub fn rasterize<'py>(
     let pictures =
         (picture(&rect, raster.object)?, picture(&rect, raster.face)?, picture(&rect, raster.inverse_depth)?);
     Ok((pictures.0.into_pyarray(py), pictures.1.into_pyarray(py), pictures.2.into_pyarray(py)))
+}
+
+/// Share of each pixel that a mesh covers.
+#[pyfunction]
+pub fn coverage<'py>(
+    py: Python<'py>,
+    camera_values: CameraTuple,
+    points_in_camera: Floats2,
+    face_array: Ints2,
+    rect_values: RectTuple,
+    samples: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (camera, rect) = (camera(camera_values)?, rect(rect_values)?);
+    if !(1..=64).contains(&samples) {
+        return Err(PyValueError::new_err(format!("samples must be from 1 to 64, found {samples}")));
+    }
+    let vertices = points("points_in_camera", &points_in_camera)?;
+    let topology = Topology::new(vertices.len(), &faces(&face_array)?).map_err(to_python)?;
+    let shares = py.detach(|| core_coverage(&camera, &vertices, &topology.faces, &rect, samples));
+    Ok(picture(&rect, shares)?.into_pyarray(py))
 }
 
 /// Outline samples as rows: x, y, normal x, normal y, vertex a, vertex b, weight of b, length.

@@ -26,7 +26,7 @@ from meshslam.geometry.observation import (
     selection,
 )
 from meshslam.geometry.pose import Pose, nearest_rotation
-from meshslam.geometry.rendering import Outline, Rendering, outline, render
+from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
 from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
 from meshslam.geometry.triangulation import kabsch, triangulate
 
@@ -47,6 +47,7 @@ __all__ = [
     "View",
     "camera_points",
     "cotangent_weights",
+    "coverage",
     "exp_so3",
     "hat",
     "kabsch",

@@ -1,4 +1,4 @@
-"""SO(3): exponential map, logarithm, right Jacobian (paper, Proposition 2 and its proof, Eq. 14); any batch in front."""
+"""SO(3): exponential map, logarithm, right Jacobian (paper, Proposition 2 and its proof, Eq. 14), batched."""
 
 from __future__ import annotations
 

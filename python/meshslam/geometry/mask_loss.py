@@ -57,7 +57,7 @@ class MaskLoss:
             return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
 
     def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> list[float]:
-        """Time of each of `runs` exact evaluations, drawing, loss and chain rule included, without what crosses over."""
+        """Time of each of `runs` exact evaluations: drawing, loss, chain rule; not what crosses over."""
         with geometry_errors():
             return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
 
@@ -66,7 +66,9 @@ def mask_gradients(
     losses: Sequence[MaskLoss], camera_from_object: Sequence[Pose], vertices: Floats, threads: int = 0
 ) -> list[MaskGradient]:
     """Exact gradients of one mesh in many views, side by side on `threads` threads (0: all)."""
-    poses = floats(np.array([pose.matrix for pose in camera_from_object]).reshape(-1, 4, 4))
+    poses = np.zeros((len(camera_from_object), 4, 4))
+    for matrix, pose in zip(poses, camera_from_object, strict=True):
+        matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.translation
     with geometry_errors():
         found = _core.mask_gradients([loss._native for loss in losses], poses, floats(vertices), threads)
     return [MaskGradient(*row) for row in found]

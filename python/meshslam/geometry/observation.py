@@ -1,7 +1,7 @@
 """The paper's observation model, equation by equation, in float64 and batched over views.
 
-A camera's pose is (theta_c, p_c), an object's (theta_o, p_o): axis-angle vectors and positions in the world, each (3,) or
-with any batch in front, (..., 3); they broadcast against each other. The paper's 3 x n matrices are rows (n, 3) here, its
+A camera's pose is (theta_c, p_c), an object's (theta_o, p_o): axis-angle vectors and positions in the world, each (3,)
+or with any batch in front, (..., 3); they broadcast against each other. The paper's 3 x n matrices are rows (n, 3), its
 key point association A is (V, K).
 """
 
@@ -61,8 +61,8 @@ def mesh_masks(
 ) -> Bytes:
     """R_mask = Raster(R_cam, F), masks (..., height, width) of zeros and ones (Eq. 9).
 
-    One mesh, `vertices` (V, 3) and `faces` (F, 3), in every view. A pixel is drawn where its centre lies in a face; on an
-    edge the top-left rule decides. GeometryError for NaN, or a face that names no vertex.
+    One mesh, `vertices` (V, 3) and `faces` (F, 3), in every view. A pixel is drawn where its centre lies in a face; on
+    an edge the top-left rule decides. GeometryError for NaN, or a face that names no vertex.
     """
     named = {"theta_c": theta_c, "p_c": p_c, "theta_o": theta_o, "p_o": p_o}
     states = np.broadcast_arrays(*(_checked(name, values, 3) for name, values in named.items()))
@@ -79,8 +79,8 @@ def mesh_masks(
 def selection(detected: Ints, keypoint_count: int) -> Floats:
     """`vis` as a matrix (..., |K_n|, |K_lt|): column j picks the key point that was detected j-th (Eq. 2).
 
-    `detected` (..., |K_lt|) holds indices among the object's `keypoint_count` key points. It says what was detected, not
-    what hides itself. GeometryError for an index that no key point has.
+    `detected` (..., |K_lt|) holds indices among the object's `keypoint_count` key points. It says what was detected,
+    not what hides itself. GeometryError for an index that no key point has.
     """
     indices = np.asarray(detected)
     if indices.dtype.kind not in "iu" and indices.size:
@@ -94,8 +94,8 @@ def selection(detected: Ints, keypoint_count: int) -> Floats:
 def keypoint_loss(observed: Floats, predicted: Floats, vis: Floats) -> Floats:
     """L_kps = ||y - y_hat vis||_F^2, squared pixels, one a view (Eq. 2).
 
-    `observed` y (..., |K_lt|, 2), `predicted` y_hat (..., |K_n|, 2), `vis` (..., |K_n|, |K_lt|). A prediction may be NaN
-    where `vis` discards it, else GeometryError.
+    `observed` y (..., |K_lt|, 2), `predicted` y_hat (..., |K_n|, 2), `vis` (..., |K_n|, |K_lt|). A prediction may be
+    NaN where `vis` discards it, else GeometryError.
     """
     return np.asarray((_keypoint_gap(observed, predicted, vis) ** 2).sum((-1, -2)))
 
@@ -151,7 +151,7 @@ class PixelDerivatives:
 def pixel_derivatives(
     camera: Camera, theta_c: Floats, p_c: Floats, theta_o: Floats, p_o: Floats, points: Floats
 ) -> PixelDerivatives:
-    """dy/d(alpha) = K d(pi)/dx(gamma) d(gamma)/d(alpha) for theta_c, p_c, theta_o, p_o, v (Proposition 2, Eq. 12 and 13).
+    """dy/d(alpha) = K d(pi)/dx(gamma) d(gamma)/d(alpha) over each state (Proposition 2, Eq. 12 and 13).
 
     `points` (..., n, 3) in the object's frame: vertices, or key points. Derivatives are over the axis-angle vectors
     themselves, through the right Jacobian. NaN where a point lies on or behind the image plane.

@@ -53,6 +53,29 @@ def render(
     return Rendering(*found)
 
 
+def coverage(
+    camera: Camera,
+    camera_from_object: Pose,
+    vertices: Floats,
+    faces: Ints,
+    rect: tuple[int, int, int, int] | None = None,
+    samples: int = 4,
+) -> Floats:
+    """Soft coverage (height, width): how much of each pixel a mesh covers, 0 to 1, by `samples` x `samples` points.
+
+    `rect` is (x0, y0, width, height), by default the whole image. Samples follow the rules of `render`, so that the
+    coverages of faces that share an edge add up. GeometryError for NaN, or a face that names no vertex.
+    """
+    with geometry_errors():
+        return _core.coverage(
+            camera.values,
+            floats(camera_from_object.transform(floats(vertices))),
+            ints(faces),
+            rect or (0, 0, camera.width, camera.height),
+            samples,
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Outline:
     """Samples of a mesh's outline in a view."""

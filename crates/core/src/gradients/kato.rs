@@ -86,7 +86,7 @@ fn scan_edge(picture: &Picture, face: i32, axis: usize, points: &[Vector2<f64>; 
     for along in from..=to {
         let crossing = (q.y - p.y) / (q.x - p.x) * (along as f64 - p.x) + p.y;
         let inner = if outward > 0 { crossing.floor() } else { crossing.ceil() } as i64;
-        let outer = inner + outward;
+        let outer = inner.saturating_add(outward);
         if inner < 0 || inner >= width || outer < 0 || outer >= width {
             continue;
         }

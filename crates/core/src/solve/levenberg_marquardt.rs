@@ -1,6 +1,9 @@
 //! Levenberg–Marquardt (Marquardt 1963) over any problem that can be linearized.
 
+use nalgebra::DMatrix;
+
 use super::envelope::Envelope;
+use crate::error::{Error, Result};
 
 /// A sum of squares to be lowered.
 pub trait Problem {
@@ -117,6 +120,35 @@ pub fn levenberg_marquardt<P: Problem>(problem: &P, mut state: P::State, options
         report.cost = problem.cost(&state);
     }
     (state, report)
+}
+
+/// Covariance of chosen parameters at a state: rows and columns `chosen` of the inverse of the normal matrix, without the rest.
+///
+/// # Errors
+/// [`Error::NotPositiveDefinite`] where nothing holds a parameter, [`Error::Index`] for one that does not exist.
+pub fn covariance<P: Problem>(problem: &P, state: &P::State, chosen: &[usize]) -> Result<DMatrix<f64>> {
+    let mut factor = problem.structure();
+    let count = factor.size();
+    if let Some(&index) = chosen.iter().find(|&&i| i >= count) {
+        return Err(Error::Index { what: "parameter", index: index as i64, count });
+    }
+    problem.linearize(state, &mut factor, &mut vec![0.0; count]);
+    factor.factorize()?;
+    // (L Lᵀ)⁻¹ = L⁻ᵀ L⁻¹: its entry (i, j) is the dot product of L⁻¹ eᵢ and L⁻¹ eⱼ, which are zero before i and j
+    let halves: Vec<Vec<f64>> = chosen
+        .iter()
+        .map(|&i| {
+            let mut half = vec![0.0; count];
+            half[i] = 1.0;
+            factor.forward(&mut half, i);
+            half
+        })
+        .collect();
+    let entry = |i: usize, j: usize| {
+        let from = chosen[i].max(chosen[j]);
+        halves[i][from..].iter().zip(&halves[j][from..]).map(|(a, b)| a * b).sum()
+    };
+    Ok(DMatrix::from_fn(chosen.len(), chosen.len(), entry))
 }
 
 fn try_step<P: Problem>(

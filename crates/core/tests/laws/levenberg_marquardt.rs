@@ -1,5 +1,6 @@
+use meshslam_core::error::Error;
 use meshslam_core::solve::envelope::Envelope;
-use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Report, Stop, levenberg_marquardt};
+use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Report, Stop, covariance, levenberg_marquardt};
 use nalgebra::{DMatrix, DVector};
 
 use crate::common::Random;
@@ -125,4 +126,25 @@ fn the_limit_of_iterations_holds_and_the_best_state_is_given() {
     assert_eq!(problem.cost(&x), report.cost);
     let (same, report) = levenberg_marquardt(&problem, start.clone(), &Options { max_iterations: 0, ..exact() });
     assert_eq!((same, report.cost), (start.clone(), problem.cost(&start)));
+}
+
+#[test]
+fn the_covariance_of_chosen_parameters_is_that_part_of_the_inverse() {
+    let mut random = Random(5);
+    for size in 1..12 {
+        let jacobian = DMatrix::from_fn(size + 5, size, |_, _| random.uniform(-1.0, 1.0));
+        let f = |x: &[f64]| ((&jacobian * DVector::from_column_slice(x)).as_slice().to_vec(), jacobian.clone());
+        let inverse = (jacobian.transpose() * &jacobian).try_inverse().unwrap();
+        let mut chosen: Vec<usize> = (0..size).collect();
+        random.shuffle(&mut chosen);
+        chosen.truncate(1 + random.below(size));
+        let found = covariance(&Squares { size, f }, &vec![0.3; size], &chosen).unwrap();
+        let expected = DMatrix::from_fn(chosen.len(), chosen.len(), |i, j| inverse[(chosen[i], chosen[j])]);
+        assert!((&found - &expected).amax() < 1e-9 * expected.amax());
+        let beyond = covariance(&Squares { size, f }, &vec![0.3; size], &[size]);
+        assert_eq!(beyond.unwrap_err(), Error::Index { what: "parameter", index: size as i64, count: size });
+    }
+    let loose = |x: &[f64]| (vec![x[0]], DMatrix::from_row_slice(1, 2, &[1.0, 0.0]));
+    let found = covariance(&Squares { size: 2, f: loose }, &vec![0.0; 2], &[0]);
+    assert_eq!(found.unwrap_err(), Error::NotPositiveDefinite { row: 1 });
 }

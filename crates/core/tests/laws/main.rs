@@ -9,6 +9,8 @@ mod levenberg_marquardt;
 mod lie;
 mod losses;
 mod mesh;
+mod nearest;
+mod normal;
 mod object;
 mod outline;
 mod raster;

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 use crate::common::{Random, camera, cuboid, drawn, icosphere, ideal_view, looking, mirror, placed, signed, six};
 
 /// A rounded body of 4 x 1.8 x 1.4 m with two symmetric modes, six key points and four wheels.
-fn template() -> Template {
+pub fn template() -> Template {
     let (sphere, faces) = icosphere(2);
     let mean: Vec<Vector3<f64>> = sphere.iter().map(|v| v.component_mul(&Vector3::new(2.0, 0.9, 0.7))).collect();
     let modes = mean.iter().flat_map(|v| [Vector3::new(0.08 * v.x, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.1 * v.z * v.z)]);
@@ -34,7 +34,7 @@ fn template() -> Template {
     Template::new(mean.clone(), &signed(&faces), modes.collect(), Some(&image), keypoints, &wheels).unwrap()
 }
 
-fn model() -> Model {
+pub fn model() -> Model {
     Model {
         border: BorderNoise { sigma_px: 1.5, correlation_px: 20.0, kernel: Kernel::Huber(3.0), cap_px: 60.0 },
         outline_step_px: 1.0,
@@ -56,7 +56,7 @@ fn keypoints(template: &Template, vertices: &[Vector3<f64>]) -> Vec<Vector3<f64>
 }
 
 /// Ideal views of a state from cameras in a ring.
-fn views(template: &Template, state: &ObjectState, count: usize) -> Vec<View> {
+pub fn views(template: &Template, state: &ObjectState, count: usize) -> Vec<View> {
     let vertices = template.vertices(&state.z, &state.d);
     let points = placed(&state.world_from_object, &vertices);
     let seen = placed(&state.world_from_object, &keypoints(template, &vertices));
@@ -69,12 +69,12 @@ fn views(template: &Template, state: &ObjectState, count: usize) -> Vec<View> {
         .collect()
 }
 
-fn start(template: &Template) -> ObjectState {
+pub fn start(template: &Template) -> ObjectState {
     let d = vec![0.0; template.symmetry.dimension()];
     ObjectState { world_from_object: truth(), z: vec![0.0; template.mode_count], d, velocity: Vector3::zeros() }
 }
 
-fn ground() -> Option<Ground> {
+pub fn ground() -> Option<Ground> {
     Some(Ground { normal: Vector3::z(), offset_m: 0.15, height_sigma_m: 0.05, tilt_sigma_rad: 0.03 })
 }
 
@@ -87,7 +87,7 @@ fn without_keypoints(views: &[View]) -> Vec<View> {
 }
 
 /// A state some way from the truth in every block.
-fn disturbed(template: &Template, random: &mut Random, size: f64) -> ObjectState {
+pub fn disturbed(template: &Template, random: &mut Random, size: f64) -> ObjectState {
     let mut state = start(template);
     let step: [f64; 6] = std::array::from_fn(|_| random.uniform(-0.1, 0.1) * size);
     state.world_from_object = state.world_from_object.retract(&six(&step));
@@ -97,7 +97,7 @@ fn disturbed(template: &Template, random: &mut Random, size: f64) -> ObjectState
     state
 }
 
-const SCOPES: [Scope; 5] = [
+pub const SCOPES: [Scope; 5] = [
     Scope { modes: false, free_form: false, velocity: false },
     Scope { modes: true, free_form: false, velocity: false },
     Scope { modes: false, free_form: true, velocity: false },

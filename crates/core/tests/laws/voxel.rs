@@ -6,7 +6,7 @@ use crate::common::{Faces, Random, cuboid, icosphere, joined};
 type Mesh = (Vec<Vector3<f64>>, Faces);
 
 fn iou(a: &Mesh, b: &Mesh, step_m: f64) -> f64 {
-    voxel_iou(&a.0, &a.1, &b.0, &b.1, step_m)
+    voxel_iou(&a.0, &a.1, &b.0, &b.1, step_m).unwrap()
 }
 
 fn moved(mesh: &Mesh, by: Vector3<f64>) -> Mesh {

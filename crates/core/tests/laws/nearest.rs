@@ -1,0 +1,28 @@
+use meshslam_core::residuals::nearest::Cells;
+use nalgebra::Vector2;
+use proptest::prelude::*;
+
+/// Points on an image, some on each other and on the borders of cells.
+fn points(most: usize) -> impl Strategy<Value = Vec<Vector2<f64>>> {
+    let coordinate = || prop_oneof![3 => -1.0..200.0f64, 1 => (0i32..25).prop_map(|k| f64::from(k) * 8.0)];
+    prop::collection::vec((coordinate(), coordinate()).prop_map(|(x, y)| Vector2::new(x, y)), 0..most)
+}
+
+proptest! {
+    #[test]
+    fn cells_find_what_looking_at_every_point_finds(
+        places in points(60),
+        asked in prop::collection::vec((-400.0..600.0f64, -400.0..600.0f64), 1..20),
+    ) {
+        let cells = Cells::new(&places);
+        for (x, y) in asked.into_iter().chain(places.first().map(|p| (p.x, p.y))) {
+            let squared = |p: &Vector2<f64>| {
+                let (u, v) = (p.x as f32 - x as f32, p.y as f32 - y as f32);
+                u * u + v * v
+            };
+            let least = places.iter().map(squared).fold(f32::INFINITY, f32::min);
+            let expected = places.iter().position(|p| squared(p) <= least);
+            prop_assert_eq!(cells.nearest(&Vector2::new(x, y)), expected);
+        }
+    }
+}
