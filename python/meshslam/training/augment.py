@@ -34,10 +34,11 @@ def _varied(rng: np.random.Generator, samples: Samples, i: int) -> tuple[Bytes, 
     linear = scale * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     shift = middle + rng.normal(0, 2.5, 2) - linear @ middle
-    moved = cv2.warpAffine(cut, np.column_stack([linear, shift]), (width, height), borderValue=(GREY, GREY, GREY, 0))
+    beyond = (GREY, GREY, GREY, 0)
+    warped = cv2.warpAffine(cut, np.column_stack([linear, shift]), (width, height), borderValue=beyond)
     keypoints = keypoints @ linear.T + shift
     visible = visible * ((keypoints >= 0) & (keypoints <= [width - 1, height - 1])).all(1)
-    moved = np.asarray(moved, np.uint8)
+    moved = np.asarray(warped, np.uint8)
     _grade(rng, moved)
     _erase(rng, moved, keypoints, visible)
     return moved, keypoints, visible, angle

@@ -16,6 +16,8 @@ _ROW = 4096
 def ground_texture(rng: np.random.Generator, x: Floats, y: Floats, pixel_m: Floats) -> Floats:
     """Brightness (n,) about 1 of road points, metres: grain, patches, joints, lines."""
     bright = np.ones(len(x))
+    if not len(x):
+        return bright
     for cell_m, share in ((0.08, 0.15), (0.4, 0.18), (1.7, 0.2), (6.0, 0.25)):
         tile = rng.uniform(-1, 1, (_TILE, _TILE)).astype(np.float32)
         bright += share * rng.uniform(0, 1) * np.clip(cell_m / pixel_m - 0.5, 0, 1) * _sampled(tile, x, y, cell_m)

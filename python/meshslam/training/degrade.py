@@ -24,8 +24,8 @@ def obstructed(rng: np.random.Generator, picture: Picture) -> Picture:
     """Put poles, hedges, people before the car, at times."""
     if rng.random() > 0.25:
         return picture
-    image, cover = picture.image_bgr.copy(), np.zeros(picture.mask.shape, np.uint8)
-    height, width = cover.shape
+    image, cover = picture.image_bgr.copy(), np.zeros(picture.mask.shape[:2], np.uint8)
+    height, width = picture.mask.shape
     for _ in range(int(rng.integers(1, 3))):
         x, y = int(rng.integers(0, width)), int(rng.integers(0, height))
         kind = rng.random()
@@ -100,7 +100,7 @@ def segmented(rng: np.random.Generator, picture: Picture) -> Bytes:
         return rough
     keep = stats[:, cv2.CC_STAT_AREA] >= 0.05 * stats[1:, cv2.CC_STAT_AREA].max()
     keep[0] = False
-    return keep[labels].astype(np.uint8)
+    return np.asarray(keep[labels], np.uint8)
 
 
 def _drop(rng: np.random.Generator, mask: np.ndarray) -> None:
@@ -132,10 +132,10 @@ def photographed(rng: np.random.Generator, colour: Floats) -> Bytes:
         grey = image.mean(2, keepdims=True)
         image = np.clip(grey + (image - grey) * rng.uniform(0.3, 1.4), 0, 1)
     if rng.random() < 0.5:
-        image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.006 * max(image.shape) + 0.8))
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.006 * max(image.shape) + 0.8)), float)
     if rng.random() < 0.2:
         length = int(rng.integers(2, 6))
-        image = cv2.blur(image, (length, 1))
+        image = np.asarray(cv2.blur(image, (length, 1)), float)
     image = image + rng.normal(0, rng.uniform(0.0, 0.03), image.shape[:2] + (1,))
     image = image + rng.normal(0, rng.uniform(0.0, 0.02), image.shape)
     found = as_bytes(np.asarray(image, float))

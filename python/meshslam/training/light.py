@@ -74,8 +74,7 @@ def shaded(light: Light, colour: Floats, mirror: Floats, rays: Floats, normals: 
     share = mirror[:, None] + (1 - mirror[:, None]) * np.minimum(1.0, 5 * mirror[:, None]) * (1 - along) ** 4
     occluded = np.clip(0.35 + height_m, 0.35, 1.0)[:, None]
     diffuse = colour * lit(light, normals) * occluded
-    mixed: Floats = diffuse * (1 - share) + surroundings(light, mirrored) * share * np.clip(
-        0.3 + 2 * light.ambient, 0, 1
-    )
+    around = surroundings(light, mirrored) * np.clip(0.3 + 2 * light.ambient, 0, 1)
     glint = np.maximum(mirrored @ light.sun, 0.0) ** 60 * light.sun_strength * np.minimum(1.0, 8 * mirror)
-    return mixed + glint[:, None]
+    total: Floats = diffuse * (1 - share) + around * share + glint[:, None]
+    return total

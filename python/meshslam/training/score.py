@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.geometry.arrays import Floats
-from meshslam.perception.keypoints.decode import Singles, angle_distribution, peak_angle, points_in_input
+from meshslam.perception.keypoints.decode import Singles, angle_distribution, laplace_sigma, peak_angle, points_in_input
 from meshslam.training.dataset import Samples
 
 PCK_SHARE = 0.1  # of the box's longer side
@@ -34,7 +34,7 @@ def score(heat: Singles, visible: Singles, log_sigma: Singles, angle: Singles, t
     off = np.linalg.norm(gap, axis=2) / size
     good = shown & (off <= PCK_SHARE)
     turn = np.abs(np.degrees(_wrapped(peak_angle(angle_distribution(angle)) - truth.angles_rad)))
-    whitened = gap / sigma_px(log_sigma)[..., None]
+    whitened = gap / laplace_sigma(log_sigma)[..., None]
     return Score(
         float(good.sum() / shown.sum()),
         float(np.median(off[shown])),
@@ -43,12 +43,6 @@ def score(heat: Singles, visible: Singles, log_sigma: Singles, angle: Singles, t
         float((turn > 90).mean()),
         float(np.sqrt((whitened[good] ** 2).mean())),
     )
-
-
-def sigma_px(log_sigma: Singles) -> Floats:
-    """Sigmas of the Laplace distributions along one axis, from the logs of their scales."""
-    sigma: Floats = np.sqrt(2.0) * np.exp(log_sigma.astype(float))
-    return sigma
 
 
 def _wrapped(angle: Floats) -> Floats:

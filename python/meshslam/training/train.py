@@ -41,7 +41,8 @@ def learn(samples: Samples, config: TrainingConfig, checkpoint: Path, report: Re
     """Train a network on one thread; a checkpoint after each epoch is taken up again by the same command."""
     torch.set_num_threads(1)
     torch.manual_seed(config.seed)
-    network = KeypointNetwork().to(memory_format=torch.channels_last)
+    network = KeypointNetwork()
+    network.to(memory_format=torch.channels_last)
     steps = len(samples) // config.batch
     optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(

@@ -35,6 +35,12 @@ def points_in_input(heat: Singles) -> tuple[Floats, Floats]:
     return points, share
 
 
+def laplace_sigma(log_scale: Singles) -> Floats:
+    """Standard deviations along one axis of Laplace distributions, from the logs of their scales."""
+    sigma: Floats = np.sqrt(2.0) * np.exp(log_scale.astype(float))
+    return sigma
+
+
 def angle_distribution(logits: Singles) -> Floats:
     """Probabilities (N, `ANGLES`) of the viewing angle's bins."""
     shifted = np.exp(logits.astype(float) - logits.max(1, keepdims=True))
