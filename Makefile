@@ -48,7 +48,11 @@ format: setup ## format and mend what can be mended
 
 bench: bench-render ## every benchmark: figures and plots in benchmarks/out
 
-bench-render: setup ## the renderer and its gradients side by side with DEODR and OpenCV
+$(VENV)/.bench: $(VENV)/.packages benchmarks/requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --requirement benchmarks/requirements.txt
+	@touch $@
+
+bench-render: setup $(VENV)/.bench ## the renderer and its gradients side by side with DEODR and OpenCV
 	$(BIN)/python benchmarks/render.py
 
 clean: ## remove what was built

@@ -15,9 +15,7 @@ __all__ = [
     "kato_pixel_gradient",
     "log_so3",
     "mask_gradients",
-    "mask_loss",
     "outline",
-    "project",
     "rasterize",
     "right_jacobian",
     "triangulate",
@@ -33,10 +31,8 @@ _Model = tuple[float, float, float, float, float, float, float, float, float]
 _Ground = tuple[Sequence[float], float, float, float]
 
 def exp_so3(theta: _Floats) -> _Floats: ...
-def log_so3(rotation: _Floats) -> _Floats: ...
+def log_so3(rotations: _Floats) -> _Floats: ...
 def right_jacobian(theta: _Floats) -> _Floats: ...
-def project(camera_values: _Camera, points_in_camera: _Floats) -> _Floats: ...
-def mask_loss(observed: _Floats, predicted: _Floats) -> tuple[float, _Floats]: ...
 def cotangent_weights(vertices: _Floats, face_array: _Ints) -> tuple[_Ints, _Floats]: ...
 def voxel_iou(vertices_a: _Floats, faces_a: _Ints, vertices_b: _Floats, faces_b: _Ints, step_m: float) -> float: ...
 def triangulate(
@@ -70,7 +66,7 @@ class MaskLoss:
     ) -> MaskLoss: ...
     def gradient(self, camera_from_object: _Floats, vertices: _Floats, kato: bool) -> _Gradient: ...
     def draw(self, camera_from_object: _Floats, vertices: _Floats) -> NDArray[np.uint8]: ...
-    def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> tuple[float, float]: ...
+    def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> list[float]: ...
 
 @final
 class View:
@@ -91,6 +87,7 @@ class View:
         keypoint_sigma_px: _Floats,
         keypoint_count: int,
     ) -> View: ...
+    def with_surface_sigma(self, sigma_px: float) -> View: ...
 
 @final
 class Template:
@@ -118,6 +115,18 @@ class Template:
         velocity: _Floats,
         max_iterations: int,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
+    def time(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        runs: int,
+    ) -> list[float]: ...
     def uncertainty(
         self,
         views: Sequence[View],

@@ -17,4 +17,5 @@ pub mod silhouette;
 pub mod solve;
 pub mod template;
 pub mod view;
+pub mod visible;
 pub mod voxel;

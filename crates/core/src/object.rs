@@ -4,13 +4,15 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::error::{Result, check_length};
 use crate::lie::{Pose, hat};
-use crate::outline::{OutlineSample, outline};
+use crate::outline::{OutlineSample, contour_samples, outline};
 use crate::raster::{Rect, fill_mask};
 use crate::residuals::border::{BorderNoise, border_rows};
 use crate::residuals::ground::{Ground, ground_rows};
 use crate::residuals::kernel::Kernel;
-use crate::residuals::keypoints::keypoint_rows;
+use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
+use crate::residuals::normal::VertexNormal;
 use crate::residuals::{Row, Rows, Term, object_derivative};
+use crate::silhouette::Silhouette;
 use crate::solve::envelope::{Envelope, reverse_cuthill_mckee};
 use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marquardt};
 use crate::template::Template;
@@ -84,6 +86,7 @@ pub struct ObjectProblem<'a> {
     scope: Scope,
     layout: Layout,
     free_form_prior: Option<Envelope>,
+    keypoint_views: Vec<u32>,
 }
 
 /// Where each parameter stands in the normal equations: free-form first, in an order that keeps neighbours together, then pose, modes, velocity.
@@ -167,7 +170,17 @@ impl<'a> ObjectProblem<'a> {
     ) -> Self {
         let layout = Layout::new(template, scope);
         let free_form_prior = scope.free_form.then(|| free_form_prior(template, &layout, &model));
-        Self { template, views, ground, model, scope, layout, free_form_prior }
+        let keypoint_views = vec![1; template.keypoints.len()];
+        Self { template, views, ground, model, scope, layout, free_form_prior, keypoint_views }
+    }
+
+    /// The same problem with each key point's views sharing one offset of the category: right for a covariance. A
+    /// solution keeps them apart, since a start far away needs every one of them to tell front from rear.
+    #[must_use]
+    fn with_shared_keypoint_offsets(mut self) -> Self {
+        self.keypoint_views.fill(0);
+        self.views.iter().flat_map(|view| &view.keypoints).for_each(|seen| self.keypoint_views[seen.index] += 1);
+        self
     }
 
     /// Rows of every view and of the ground at a state, with the vertices there.
@@ -200,9 +213,22 @@ impl<'a> ObjectProblem<'a> {
         }
         for observation in &view.keypoints {
             let association = &self.template.keypoints[observation.index];
-            let (sigma_m, kernel) = (self.model.keypoint_position_sigma_m, self.model.keypoint_kernel);
-            keypoint_rows(&view.camera, &camera_from_object, vertices, association, observation, sigma_m, kernel, rows);
+            let (position, kernel) = (self.keypoint_noise(observation.index), self.model.keypoint_kernel);
+            keypoint_rows(
+                &view.camera,
+                &camera_from_object,
+                vertices,
+                association,
+                observation,
+                position,
+                kernel,
+                rows,
+            );
         }
+    }
+
+    fn keypoint_noise(&self, index: usize) -> PositionNoise {
+        PositionNoise { sigma_m: self.model.keypoint_position_sigma_m, views: self.keypoint_views[index] }
     }
 
     /// Cost of the priors at a state: z ~ N(0, I), d as in [`free_form_prior`].
@@ -324,9 +350,16 @@ impl Problem for ObjectProblem<'_> {
 
     fn linearize(&self, state: &ObjectState, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
         let (rows, vertices) = self.rows(state);
+        let mut borders = VertexNormal::new(vertices.len());
         for (row, terms) in rows.iter() {
-            self.add_row(row, terms, state, &vertices, hessian, gradient);
+            match terms {
+                // rows of the border, nearly all: gathered over the two vertices first
+                [first, second] if !self.scope.free_form && !self.scope.velocity => borders.add(row, first, second),
+                _ => self.add_row(row, terms, state, &vertices, hessian, gradient),
+            }
         }
+        let modes = self.scope.modes.then_some(self.template);
+        borders.gather(&vertices, modes, self.layout.free_form, hessian, gradient);
         if self.scope.modes {
             let base = self.layout.free_form + 6;
             for (k, c) in state.z.iter().enumerate() {
@@ -425,10 +458,16 @@ fn view_outline(
     step_px: f64,
 ) -> Vec<OutlineSample> {
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = mesh_rect(view, &points);
-    let mut mask = vec![0; rect.area()];
-    fill_mask(&view.camera, &points, &template.topology.faces, &rect, &mut mask);
-    outline(&view.camera, &points, &template.topology, &rect, &mask, step_px)
+    let mut drawn = Silhouette::default();
+    drawn.draw(&view.camera, &points, &template.topology);
+    let mut samples = Vec::new();
+    if drawn.by_contour {
+        contour_samples(&points, &drawn, step_px, &mut samples);
+    } else {
+        let rect = drawn.rect;
+        samples = outline(&view.camera, &points, &template.topology, &rect, drawn.mask(), step_px);
+    }
+    samples
 }
 
 /// The part of the image that a mesh may cover.
@@ -533,7 +572,7 @@ pub fn uncertainty(
 ) -> Result<Uncertainty> {
     check_length("mode coefficients", state.z.len(), template.mode_count)?;
     check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
-    let problem = ObjectProblem::new(template, views, ground, model, scope);
+    let problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let mut factor = problem.structure();
     let mut gradient = vec![0.0; factor.size()];
     problem.linearize(state, &mut factor, &mut gradient);

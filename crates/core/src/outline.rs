@@ -5,6 +5,7 @@ use nalgebra::{Vector2, Vector3};
 use crate::camera::Camera;
 use crate::mesh::Topology;
 use crate::raster::{NEAR_M, Rect};
+use crate::silhouette::Silhouette;
 
 /// A point of the outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +26,9 @@ pub struct OutlineSample {
 
 /// How far beyond the outline its outer side is probed, pixels.
 const PROBE_PX: f64 = 1.0;
+
+/// An edge is sampled this often at most.
+const MOST_SAMPLES: f64 = 4096.0;
 
 /// Which faces are turned to the camera.
 #[must_use]
@@ -77,6 +81,54 @@ pub fn outline(
     out
 }
 
+/// The same samples of a mesh that was drawn by its contour: the edges are known, and runs of pixels stand for the mask.
+pub fn contour_samples(
+    points_in_camera: &[Vector3<f64>],
+    drawn: &Silhouette,
+    step_px: f64,
+    out: &mut Vec<OutlineSample>,
+) {
+    for &[a, b] in &drawn.contour {
+        let vertices = [a.min(b), a.max(b)];
+        let [from, to] = vertices.map(|v| drawn.pixels[v as usize]);
+        let [p, q] = vertices.map(|v| points_in_camera[v as usize]);
+        let length = (to - from).norm();
+        if length < 1e-9 {
+            continue;
+        }
+        let along = (to - from) / length;
+        let outward = Vector2::new(-along.y, along.x);
+        let normal = if a < b { outward } else { -outward };
+        let count = (length / step_px).ceil().min(MOST_SAMPLES) as usize;
+        for k in 0..count {
+            let t = (k as f64 + 0.5) / count as f64;
+            let pixel = from + (to - from) * t;
+            let probe = pixel + normal * PROBE_PX;
+            let inside = drawn.rect.index(nearest(pixel.x), nearest(pixel.y)).is_some();
+            if !inside || drawn.covers(nearest(probe.x), nearest(probe.y)) {
+                continue;
+            }
+            let weight = t * p.z / (q.z + t * (p.z - q.z)); // the inverse depth is affine along the projected edge
+            out.push(OutlineSample {
+                pixel,
+                normal,
+                point_in_camera: p + (q - p) * weight,
+                vertices,
+                weight,
+                length: length / count as f64,
+            });
+        }
+    }
+}
+
+/// The pixel whose centre is nearest to a coordinate; without a call into the mathematics library.
+#[inline]
+pub(crate) fn nearest(x: f64) -> i64 {
+    let shifted = x + 0.5;
+    let whole = shifted as i64;
+    whole - i64::from(whole as f64 > shifted)
+}
+
 /// Sample the part of an edge that lies before the near plane; `third` tells which side the mesh is on.
 fn sample_edge(
     camera: &Camera,
@@ -103,7 +155,7 @@ fn sample_edge(
     if plane.dot(&outer) * plane.dot(&third) > 0.0 {
         normal = -normal;
     }
-    let count = (length / step_px).ceil().min(4096.0) as usize;
+    let count = (length / step_px).ceil().min(MOST_SAMPLES) as usize;
     for k in 0..count {
         let t = (k as f64 + 0.5) / count as f64;
         let within = t * p.z / (q.z + t * (p.z - q.z)); // the inverse depth is affine along the projected edge

@@ -87,10 +87,11 @@ impl Template {
     /// Vertices of the shape with mode coefficients `z` and free-form displacement `d` (which may be empty).
     #[must_use]
     pub fn vertices(&self, z: &[f64], d: &[f64]) -> Vec<Vector3<f64>> {
+        let still = d.iter().all(|x| *x == 0.0);
         (0..self.mean.len())
             .map(|i| {
                 let moved = self.modes_of(i).iter().zip(z).fold(self.mean[i], |v, (mode, c)| v + mode * *c);
-                if d.is_empty() { moved } else { moved + self.symmetry.displacement(i, d) }
+                if still { moved } else { moved + self.symmetry.displacement(i, d) }
             })
             .collect()
     }

@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::lie::Pose;
+use crate::outline::nearest;
 use crate::raster::Rect;
 use crate::residuals::keypoints::KeypointObservation;
 
@@ -40,6 +41,8 @@ pub struct View {
     pub border: Vec<BorderPoint>,
     /// Length of the border that is the object's own, pixels.
     pub border_length_px: f64,
+    /// How far the true surface may lie from any mesh of the model, as seen here, pixels.
+    pub surface_sigma_px: f64,
     /// The key points seen.
     pub keypoints: Vec<KeypointObservation>,
 }
@@ -62,6 +65,9 @@ impl View {
             return Err(Error::NotFinite { what: "distance", index, value: f64::from(self.distance_px[index]) });
         }
         check_finite("time", &[self.time_s])?;
+        if !(self.surface_sigma_px.is_finite() && self.surface_sigma_px >= 0.0) {
+            return Err(Error::Range { what: "surface sigma", expected: "at least 0", found: self.surface_sigma_px });
+        }
         check_finite("world_from_camera", self.world_from_camera.rotation.as_slice())?;
         check_finite("world_from_camera", self.world_from_camera.translation.as_slice())?;
         for point in &self.border {
@@ -91,15 +97,15 @@ impl View {
 
     /// Index of the crop's pixel nearest to a point.
     fn nearest(&self, pixel: &Vector2<f64>) -> usize {
-        let column = (pixel.x.round() as i64 - self.crop.x0).clamp(0, self.crop.width as i64 - 1) as usize;
-        let row = (pixel.y.round() as i64 - self.crop.y0).clamp(0, self.crop.height as i64 - 1) as usize;
+        let column = (nearest(pixel.x) - self.crop.x0).clamp(0, self.crop.width as i64 - 1) as usize;
+        let row = (nearest(pixel.y) - self.crop.y0).clamp(0, self.crop.height as i64 - 1) as usize;
         row * self.crop.width + column
     }
 
     /// Whether an occluder covers a pixel; beyond the crop none is known.
     #[must_use]
     pub fn is_hidden(&self, pixel: &Vector2<f64>) -> bool {
-        self.crop.index(pixel.x.round() as i64, pixel.y.round() as i64).is_some_and(|i| self.hidden[i] > 0)
+        self.crop.index(nearest(pixel.x), nearest(pixel.y)).is_some_and(|i| self.hidden[i] > 0)
     }
 
     /// Whether the observed border nearest to a pixel is the object's own.

@@ -1,16 +1,18 @@
-//! `lie`, `camera`, `losses`, `mesh`, `voxel` and `solve::triangulate` of the core.
+//! `lie`, `mesh`, `voxel` and `solve::triangulate` of the core.
 
+use meshslam_core::error::check_finite;
 use meshslam_core::mesh::Topology;
 use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::triangulate::{Sight, triangulate as core_triangulate};
-use meshslam_core::{lie, losses, mesh, voxel};
+use meshslam_core::{lie, mesh, voxel};
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, Array3, ArrayView2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{
     CameraTuple, Floats1, Floats2, Ints2, camera, check_shape, faces, pixels, point_rows, points, pose, to_python,
-    vector,
 };
 
 fn matrix3<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -18,55 +20,34 @@ fn matrix3<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArra
     Ok(PyArray2::from_vec2(py, &rows)?)
 }
 
-#[pyfunction]
-pub fn exp_so3<'py>(py: Python<'py>, theta: Floats1) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    matrix3(py, &lie::exp_so3(&vector("theta", &theta)?))
+/// Matrices (n, 3, 3).
+fn matrices<'py>(py: Python<'py>, found: &[Matrix3<f64>]) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let values: Vec<f64> = found.iter().flat_map(|m| m.transpose().iter().copied().collect::<Vec<_>>()).collect();
+    let array =
+        Array3::from_shape_vec((found.len(), 3, 3), values).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py))
 }
 
 #[pyfunction]
-pub fn log_so3<'py>(py: Python<'py>, rotation: Floats2) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    check_shape("rotation", rotation.shape(), &[Some(3), Some(3)])?;
-    let a = rotation.as_array();
-    let theta = lie::log_so3(&Matrix3::from_fn(|i, j| a[[i, j]]));
-    Ok(PyArray1::from_slice(py, theta.as_slice()))
+pub fn exp_so3<'py>(py: Python<'py>, theta: Floats2) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    matrices(py, &points("theta", &theta)?.iter().map(lie::exp_so3).collect::<Vec<_>>())
 }
 
 #[pyfunction]
-pub fn right_jacobian<'py>(py: Python<'py>, theta: Floats1) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    matrix3(py, &lie::right_jacobian(&vector("theta", &theta)?))
+pub fn log_so3<'py>(py: Python<'py>, rotations: PyReadonlyArray3<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    check_shape("rotation", rotations.shape(), &[None, Some(3), Some(3)])?;
+    check_finite("rotation", &rotations.as_array().iter().copied().collect::<Vec<_>>()).map_err(to_python)?;
+    let logarithm = |r: ArrayView2<f64>| lie::log_so3(&Matrix3::from_fn(|i, j| r[[i, j]]));
+    let found: Vec<f64> =
+        rotations.as_array().outer_iter().flat_map(|r| logarithm(r).iter().copied().collect::<Vec<_>>()).collect();
+    let array =
+        Array2::from_shape_vec((found.len() / 3, 3), found).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py))
 }
 
 #[pyfunction]
-pub fn project<'py>(
-    py: Python<'py>,
-    camera_values: CameraTuple,
-    points_in_camera: Floats2,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let camera = camera(camera_values)?;
-    let rows: Vec<Vec<f64>> = points("points_in_camera", &points_in_camera)?
-        .iter()
-        .map(|p| {
-            if p.z > 0.0 {
-                let y = camera.project(p);
-                vec![y.x, y.y]
-            } else {
-                vec![f64::NAN; 2]
-            }
-        })
-        .collect();
-    Ok(PyArray2::from_vec2(py, &rows)?)
-}
-
-#[pyfunction]
-pub fn mask_loss<'py>(
-    py: Python<'py>,
-    observed: Floats1,
-    predicted: Floats1,
-) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
-    check_shape("predicted", predicted.shape(), &[Some(observed.len())])?;
-    let (s, p): (Vec<f64>, Vec<f64>) = (observed.as_array().to_vec(), predicted.as_array().to_vec());
-    let (loss, gradient) = losses::mask_loss(&s, &p);
-    Ok((loss, PyArray1::from_vec(py, gradient)))
+pub fn right_jacobian<'py>(py: Python<'py>, theta: Floats2) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    matrices(py, &points("theta", &theta)?.iter().map(lie::right_jacobian).collect::<Vec<_>>())
 }
 
 /// Edges as rows, and their weights.
@@ -95,7 +76,7 @@ pub fn voxel_iou(
     let fa = Topology::new(va.len(), &faces(&faces_a)?).map_err(to_python)?.faces;
     let fb = Topology::new(vb.len(), &faces(&faces_b)?).map_err(to_python)?.faces;
     if !(step_m.is_finite() && step_m > 0.0) {
-        return Err(pyo3::exceptions::PyValueError::new_err(format!("step_m must be positive, found {step_m}")));
+        return Err(PyValueError::new_err(format!("step_m must be positive, found {step_m}")));
     }
     Ok(py.detach(|| voxel::voxel_iou(&va, &fa, &vb, &fb, step_m)))
 }

@@ -84,29 +84,27 @@ impl MaskLoss {
         let mut picture = Array2::zeros((self.camera.height, self.camera.width));
         let points: Vec<Vector3<f64>> = vertices.iter().map(|v| pose.transform(v)).collect();
         let mut drawn = Silhouette::default();
-        drawn.draw(&self.camera, &points, &self.topology, 1);
+        drawn.draw(&self.camera, &points, &self.topology);
         let rect = drawn.rect;
-        for (i, _) in drawn.mask.iter().enumerate().filter(|(_, m)| **m > 0) {
+        for (i, _) in drawn.mask().iter().enumerate().filter(|(_, m)| **m > 0) {
             picture[[rect.y0 as usize + i / rect.width, rect.x0 as usize + i % rect.width]] = 1;
         }
         Ok(picture.into_pyarray(py))
     }
 
-    /// Seconds of one exact evaluation, the least and the median of `runs`, without what crosses from Python.
-    fn time(&self, py: Python, camera_from_object: Floats2, vertices: Floats2, runs: usize) -> PyResult<(f64, f64)> {
+    /// Seconds of one exact evaluation, each of `runs`, without what crosses from Python.
+    fn time(&self, py: Python, camera_from_object: Floats2, vertices: Floats2, runs: usize) -> PyResult<Vec<f64>> {
         let pose = pose("camera_from_object", &camera_from_object)?;
         let vertices = vertex_rows("vertices", &vertices, self.topology.vertex_count)?;
-        let mut seconds: Vec<f64> = py.detach(|| {
+        Ok(py.detach(|| {
             let mut work = Workspace::default();
             let mut once = || {
                 let start = std::time::Instant::now();
                 std::hint::black_box(self.evaluate(std::hint::black_box(&pose), &vertices, false, &mut work));
                 start.elapsed().as_secs_f64()
             };
-            (0..runs.max(1)).map(|_| once()).collect()
-        });
-        seconds.sort_unstable_by(f64::total_cmp);
-        Ok((seconds[0], seconds[seconds.len() / 2]))
+            (0..runs).map(|_| once()).collect()
+        }))
     }
 }
 
@@ -182,6 +180,7 @@ pub fn kato_pixel_gradient<'py>(
         )));
     }
     let slope: Vec<f64> = slope.as_array().iter().copied().collect();
+    meshslam_core::error::check_finite("slope", &slope).map_err(to_python)?;
     let rect = Rect { x0: 0, y0: 0, width, height };
     let found = pixel_gradient(&vertices, &topology.faces, &Picture { rect, face: &face, slope: &slope });
     let rows: Vec<Vec<f64>> = found.iter().map(|g| vec![g.x, g.y]).collect();

@@ -11,9 +11,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::geometry::{
-        cotangent_weights, exp_so3, log_so3, mask_loss, project, right_jacobian, triangulate, voxel_iou,
-    };
+    use super::geometry::{cotangent_weights, exp_so3, log_so3, right_jacobian, triangulate, voxel_iou};
     #[pymodule_export]
     use super::gradients::{MaskLoss, kato_pixel_gradient, mask_gradients};
     #[pymodule_export]

@@ -1,12 +1,12 @@
 //! `template`, `view` and `object` of the core.
 
-use meshslam_core::object::{self, Model, ObjectState, Scope};
+use meshslam_core::object::{self, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
 use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::solve::levenberg_marquardt::{Options, Stop};
+use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Stop};
 use meshslam_core::template::Template as CoreTemplate;
 use meshslam_core::view::{BorderPoint, View as CoreView};
 use nalgebra::Vector3;
@@ -196,6 +196,42 @@ impl Template {
         ))
     }
 
+    /// Seconds of one evaluation of residuals, Jacobians and normal equations, each of `runs`.
+    #[allow(clippy::too_many_arguments)] // the binding of one function
+    fn time(
+        &self,
+        py: Python,
+        views: Vec<Bound<View>>,
+        ground_values: Option<GroundTuple>,
+        model_values: ModelTuple,
+        scope: ScopeTuple,
+        world_from_object: Floats2,
+        z: Floats1,
+        d: Floats1,
+        velocity: Floats1,
+        runs: usize,
+    ) -> PyResult<Vec<f64>> {
+        let views = core_views(&views);
+        let (ground, model, state) =
+            (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
+        check_shape("z", &[state.z.len()], &[Some(self.inner.mode_count)])?;
+        check_shape("d", &[state.d.len()], &[Some(self.inner.symmetry.dimension())])?;
+        let scope = Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 };
+        Ok(py.detach(|| {
+            let problem = ObjectProblem::new(&self.inner, &views, ground, model, scope);
+            let (mut hessian, mut gradient) = (problem.structure(), Vec::new());
+            let mut once = || {
+                hessian.clear();
+                gradient.clear();
+                gradient.resize(hessian.size(), 0.0);
+                let start = std::time::Instant::now();
+                std::hint::black_box(problem.linearize(std::hint::black_box(&state), &mut hessian, &mut gradient));
+                start.elapsed().as_secs_f64()
+            };
+            (0..runs).map(|_| once()).collect()
+        }))
+    }
+
     /// Covariance of the pose at the mesh's centre, sigma of each vertex, which vertices were observed.
     #[allow(clippy::too_many_arguments, clippy::type_complexity)] // the binding of one function
     fn uncertainty<'py>(
@@ -327,9 +363,18 @@ impl View {
             hidden: hidden.as_array().iter().copied().collect(),
             border,
             border_length_px: 0.0,
+            surface_sigma_px: 0.0,
             keypoints,
         };
         Ok(Self { inner: inner.checked(keypoint_count).map_err(to_python)? })
+    }
+
+    /// The same view, where the true surface may lie this far from any mesh.
+    fn with_surface_sigma(&self, sigma_px: f64) -> PyResult<Self> {
+        if !(sigma_px.is_finite() && sigma_px >= 0.0) {
+            return Err(PyValueError::new_err(format!("a surface's sigma must not be negative, found {sigma_px}")));
+        }
+        Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
     }
 }
 

@@ -1,4 +1,4 @@
-"""SO(3): exponential map, logarithm, right Jacobian (paper, Proposition 2)."""
+"""SO(3): exponential map, logarithm, right Jacobian (paper, Proposition 2 and its proof, Eq. 14); any batch in front."""
 
 from __future__ import annotations
 
@@ -10,23 +10,28 @@ from meshslam.geometry.native import floats, geometry_errors
 
 
 def hat(a: Floats) -> Floats:
-    """Cross product with a (3,) as a (3, 3) matrix: its product with b is a x b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    """Cross products with vectors (..., 3) as matrices (..., 3, 3): their product with b is a x b."""
+    x, y, z = np.moveaxis(np.asarray(a, float), -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
 
 
 def exp_so3(theta: Floats) -> Floats:
-    """Rotation (3, 3) by the axis-angle vector theta (3,), radians."""
+    """Rotations (..., 3, 3) by the axis-angle vectors theta (..., 3), radians; GeometryError for NaN."""
     with geometry_errors():
-        return _core.exp_so3(floats(theta))
+        return _core.exp_so3(floats(theta).reshape(-1, 3)).reshape(*np.shape(theta), 3)
 
 
 def log_so3(rotation: Floats) -> Floats:
-    """Axis-angle vector (3,) of a rotation (3, 3), of length at most pi."""
+    """Axis-angle vectors (..., 3) of rotations (..., 3, 3), of length at most pi; GeometryError for NaN."""
     with geometry_errors():
-        return _core.log_so3(floats(rotation))
+        return _core.log_so3(floats(rotation).reshape(-1, 3, 3)).reshape(np.shape(rotation)[:-1])
 
 
 def right_jacobian(theta: Floats) -> Floats:
-    """J_r (3, 3) with exp(theta + delta) = exp(theta) exp(J_r(theta) delta) to first order."""
+    """J_r (..., 3, 3) of theta (..., 3): exp(theta + delta) = exp(theta) exp(J_r(theta) delta) to first order (Eq. 14).
+
+    GeometryError for NaN.
+    """
     with geometry_errors():
-        return _core.right_jacobian(floats(theta))
+        return _core.right_jacobian(floats(theta).reshape(-1, 3)).reshape(*np.shape(theta), 3)

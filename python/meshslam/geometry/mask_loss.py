@@ -52,12 +52,12 @@ class MaskLoss:
             )
 
     def draw(self, camera_from_object: Pose, vertices: Floats) -> Bytes:
-        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 6)."""
+        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 9)."""
         with geometry_errors():
             return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
 
-    def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> tuple[float, float]:
-        """Least and median time of one exact evaluation, drawing and chain rule included."""
+    def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> list[float]:
+        """Time of each of `runs` exact evaluations, drawing, loss and chain rule included, without what crosses over."""
         with geometry_errors():
             return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
 

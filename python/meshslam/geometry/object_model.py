@@ -23,6 +23,7 @@ class NoiseModel:
     border_sigma_px: float = 1.5  # of an observed mask's border
     border_correlation_px: float = 25.0  # length of border over which its error is one and the same
     border_kernel: float = 3.0  # Huber's threshold, in sigmas
+    surface_sigma_m: float = 0.025  # of the true surface about the best mesh; what masks show of it, they show alike
     border_cap_px: float = 60.0  # residuals are cut here
     outline_step_px: float = 2.0  # spacing of the outline's samples
     keypoint_position_sigma_m: float = 0.10  # the category's key points against the instance's
@@ -201,6 +202,32 @@ class ObjectModel:
             )
         iterations = tuple(Iteration(*row) for row in rows)
         return Refined(ObjectState(Pose.from_matrix(pose), z, d, v), cost, stop, iterations)
+
+    def seconds(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+        runs: int,
+    ) -> list[float]:
+        """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
+        with geometry_errors():
+            return self._template.time(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                runs,
+            )
 
     def uncertainty(
         self,

@@ -41,7 +41,7 @@ def render(
     meshes: Sequence[tuple[Pose, Floats, Ints]],
     rect: tuple[int, int, int, int] | None = None,
 ) -> Rendering:
-    """Draw meshes in one view, nearest in front (paper, Eq. 6).
+    """Draw meshes in one view, nearest in front (paper, Eq. 9).
 
     Each mesh is (camera_from_object, vertices (n, 3), faces (m, 3)); `rect` is (x0, y0, width, height), by default the
     whole image. A pixel is drawn where its centre lies in a face; on an edge the top-left rule decides. Faces are cut

@@ -31,6 +31,7 @@ from meshslam.mapping.reconstruct import (
     reconstruct,
     refit,
     uncertainty,
+    with_surface_error,
 )
 from meshslam.mapping.track import Track, choose_views, make_views
 from meshslam.maps import Map, MapObject
@@ -195,16 +196,18 @@ def _first_pass(track: Track, scene: Scene, occluders: Occluders) -> _Work:
 
 def _next_pass(work: _Work, scene: Scene, occluders: Occluders) -> _Work:
     observed = observe(work.observed.track, scene, occluders)
+    observed = with_surface_error(observed, scene, work.found.state)
     return _Work(observed, refit(observed, scene, work.found))
 
 
 def _again(work: _Work, scene: Scene) -> _Work:
     """Fit with the noise known: from where the first fit ended, and anew from its place both ways round."""
+    observed = with_surface_error(work.observed, scene, work.found.state)
     pose = work.found.state.world_from_object
-    candidates = [refit(work.observed, scene, work.found)]
-    candidates += [fit_modes(work.observed, scene, start) for start in (pose, flipped(pose))]
+    candidates = [refit(observed, scene, work.found)]
+    candidates += [fit_modes(observed, scene, start) for start in (pose, flipped(pose))]
     best = min(candidates, key=lambda found: found.cost)
-    return _Work(work.observed, replace(best, start=work.found.start))
+    return _Work(observed, replace(best, start=work.found.start))
 
 
 def with_noise_of(scene: Scene, work: list[_Work]) -> Scene:

@@ -22,6 +22,8 @@ from meshslam.mapping.initialize import (
 )
 from meshslam.mapping.track import Track
 
+_NEAREST_M = 1.0  # depth of an object's centre below which its image says no more of its depth
+
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
@@ -140,6 +142,18 @@ def centred(model: ObjectModel, state: ObjectState) -> Centred:
     centre = (vertices.max(0) + vertices.min(0)) / 2
     pose = state.world_from_object
     return Centred(Pose(pose.rotation, pose.transform(centre)), vertices - centre)
+
+
+def with_surface_error(observed: Observed, scene: Scene, state: ObjectState) -> Observed:
+    """The same views, each with the surface's error as it is seen from there.
+
+    It is set once for a fit: a weight that followed the depth would pull the object towards the camera.
+    """
+    at, poses = state.world_from_object.translation, observed.track.world_from_camera
+    depths = [max(_NEAREST_M, float(pose.inverse().transform(at)[2])) for pose in poses]
+    surface_px = scene.config.noise.surface_sigma_m * scene.camera.fx
+    views = [v.with_surface_sigma(surface_px / z) for v, z in zip(observed.views, depths, strict=True)]
+    return replace(observed, views=views)
 
 
 def uncertainty(observed: Observed, scene: Scene, found: Reconstruction) -> tuple[Floats, Floats, Bools]:

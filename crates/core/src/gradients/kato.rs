@@ -84,7 +84,7 @@ fn scan_edge(picture: &Picture, face: i32, axis: usize, points: &[Vector2<f64>; 
     let from = (p.x.min(q.x).ceil() as i64).max(0);
     let to = (p.x.max(q.x).floor() as i64).min(length - 1);
     for along in from..=to {
-        let crossing = p.y + (along as f64 - p.x) * (q.y - p.y) / (q.x - p.x);
+        let crossing = (q.y - p.y) / (q.x - p.x) * (along as f64 - p.x) + p.y;
         let inner = if outward > 0 { crossing.floor() } else { crossing.ceil() } as i64;
         let outer = inner + outward;
         if inner < 0 || inner >= width || outer < 0 || outer >= width {
@@ -95,7 +95,7 @@ fn scan_edge(picture: &Picture, face: i32, axis: usize, points: &[Vector2<f64>; 
             for (sum, end, other) in [(&mut first, q.x, p.x), (&mut second, p.x, q.x)] {
                 if end != along as f64 {
                     let scaled = (end - other) / (end - along as f64) * away;
-                    *sum -= gain / (scaled + EPSILON_PX.copysign(scaled));
+                    *sum -= gain / if scaled > 0.0 { scaled + EPSILON_PX } else { scaled - EPSILON_PX };
                 }
             }
         };

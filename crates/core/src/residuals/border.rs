@@ -7,11 +7,11 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{Rows, Term, kernel::Kernel};
+use super::{Rows, Term, kernel::Kernel, nearest::Cells};
 use crate::camera::Camera;
 use crate::lie::Pose;
 use crate::outline::OutlineSample;
-use crate::view::{BorderPoint, View};
+use crate::view::View;
 
 /// How border residuals are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,8 @@ pub struct BorderNoise {
     pub cap_px: f64,
 }
 
-/// Rows of both directions for one view.
+/// Rows of both directions for one view. The mask's error σ and the surface's s add in variance: rows keep the kernel of
+/// σ, and weigh σ²/(σ² + s²).
 pub fn border_rows(
     view: &View,
     camera_from_object: &Pose,
@@ -37,7 +38,8 @@ pub fn border_rows(
     let used: Vec<(&OutlineSample, f64, Vector2<f64>)> =
         samples.iter().filter_map(|s| forward_residual(view, s).map(|(r, g)| (s, r, g))).collect();
     let drawn: f64 = used.iter().map(|(s, _, _)| s.length).sum();
-    let share = 0.5 / noise.correlation_px; // both ways tell the same once
+    let trust = noise.sigma_px.powi(2) / (noise.sigma_px.powi(2) + view.surface_sigma_px.powi(2));
+    let share = 0.5 * trust / noise.correlation_px; // both ways tell the same once
     if drawn > 0.0 {
         let normalized = share * view.border_length_px / drawn;
         for (sample, residual, gradient) in used {
@@ -104,31 +106,8 @@ fn visible_samples<'a>(view: &View, samples: &'a [OutlineSample]) -> Vec<&'a Out
 
 /// The sample nearest to each border point; none where there is no sample.
 fn nearest_samples<'a>(view: &View, visible: &[&'a OutlineSample]) -> Vec<Option<&'a OutlineSample>> {
-    let xs: Vec<f32> = visible.iter().map(|s| s.pixel.x as f32).collect();
-    let ys: Vec<f32> = visible.iter().map(|s| s.pixel.y as f32).collect();
-    let of = |p: &BorderPoint| nearest(&xs, &ys, p.pixel.x as f32, p.pixel.y as f32).map(|i| visible[i]);
-    view.border.iter().map(of).collect()
-}
-
-/// Index of the point nearest to (x, y): the smallest distance first, in a loop that vectorizes, then who has it.
-fn nearest(xs: &[f32], ys: &[f32], x: f32, y: f32) -> Option<usize> {
-    const LANES: usize = 16;
-    let squared = |u: f32, v: f32| (u - x) * (u - x) + (v - y) * (v - y);
-    let mut smallest = [f32::INFINITY; LANES];
-    let (chunks_x, chunks_y) = (xs.chunks_exact(LANES), ys.chunks_exact(LANES));
-    let rest = chunks_x
-        .remainder()
-        .iter()
-        .zip(chunks_y.remainder())
-        .fold(f32::INFINITY, |best, (u, v)| best.min(squared(*u, *v)));
-    for (u, v) in chunks_x.zip(chunks_y) {
-        for k in 0..LANES {
-            let s = squared(u[k], v[k]);
-            smallest[k] = if s < smallest[k] { s } else { smallest[k] };
-        }
-    }
-    let least = smallest.into_iter().fold(rest, f32::min);
-    xs.iter().zip(ys).position(|(u, v)| squared(*u, *v) <= least)
+    let cells = Cells::new(&visible.iter().map(|s| s.pixel).collect::<Vec<_>>());
+    view.border.iter().map(|p| cells.nearest(&p.pixel).map(|i| visible[i])).collect()
 }
 
 /// Add the row of a residual on the image at an outline sample: its derivative goes to the two ends of the edge.
@@ -161,5 +140,6 @@ fn point_gradient(
     point_in_camera: &Vector3<f64>,
     on_image: &Vector2<f64>,
 ) -> Vector3<f64> {
-    (camera.projection_jacobian(point_in_camera) * camera_from_object.rotation).transpose() * on_image
+    let in_camera = camera.projection_jacobian(point_in_camera).transpose() * on_image;
+    camera_from_object.rotation.transpose() * in_camera
 }

@@ -9,6 +9,8 @@ pub mod border;
 pub mod ground;
 pub mod kernel;
 pub mod keypoints;
+pub mod nearest;
+pub mod normal;
 
 use nalgebra::{Vector3, Vector6};
 

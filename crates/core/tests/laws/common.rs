@@ -243,6 +243,7 @@ pub fn ideal_view(
         hidden: vec![0; crop.area()],
         border: border.collect(),
         border_length_px: 0.0,
+        surface_sigma_px: 0.0,
         keypoints: seen.map(|(index, p)| KeypointObservation { index, pixel: pixel(p), sigma_px: 1.0 }).collect(),
     }
     .checked(keypoints.len())

@@ -5,7 +5,7 @@ use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::{BorderNoise, border_rows};
 use meshslam_core::residuals::ground::{Ground, contacts, ground_rows};
 use meshslam_core::residuals::kernel::Kernel;
-use meshslam_core::residuals::keypoints::{KeypointObservation, keypoint_rows};
+use meshslam_core::residuals::keypoints::{KeypointObservation, PositionNoise, keypoint_rows};
 use meshslam_core::residuals::{Rows, camera_derivative, object_derivative};
 use meshslam_core::view::View;
 use nalgebra::{Vector2, Vector3, Vector6};
@@ -64,6 +64,9 @@ fn check_rows(scene: &Scene, rows: impl Fn(&Scene) -> Rows, seen_by_camera: bool
     }
 }
 
+/// The category's key points are the instance's.
+const SURE: PositionNoise = PositionNoise { sigma_m: 0.0, views: 1 };
+
 #[test]
 fn keypoint_derivatives_are_right() {
     let mut random = Random(1);
@@ -77,7 +80,7 @@ fn keypoint_derivatives_are_right() {
                 let mut rows = Rows::default();
                 let pose = s.camera_from_object();
                 let kernel = Kernel::Squared;
-                keypoint_rows(&camera(), &pose, &s.vertices, &association, &observation, 0.0, kernel, &mut rows);
+                keypoint_rows(&camera(), &pose, &s.vertices, &association, &observation, SURE, kernel, &mut rows);
                 rows
             },
             true,
@@ -101,7 +104,7 @@ fn keypoint_residuals_are_pixels_over_sigma_and_the_positions_sigma_adds_up() {
             vertices,
             &association,
             &observation,
-            position_sigma_m,
+            PositionNoise { sigma_m: position_sigma_m, views: 1 },
             Kernel::Squared,
             &mut rows,
         );
@@ -120,8 +123,25 @@ fn a_keypoint_behind_the_camera_adds_nothing() {
     let observation = KeypointObservation { index: 0, pixel: Vector2::zeros(), sigma_px: 1.0 };
     let behind = [Vector3::new(0.0, 0.0, -2.0)];
     let pose = Pose::identity();
-    keypoint_rows(&camera(), &pose, &behind, &[(0, 1.0)], &observation, 0.0, Kernel::Squared, &mut rows);
+    keypoint_rows(&camera(), &pose, &behind, &[(0, 1.0)], &observation, SURE, Kernel::Squared, &mut rows);
     assert!(rows.is_empty());
+}
+
+#[test]
+fn views_that_share_an_offset_tell_together_what_one_mean_of_them_would() {
+    let mut random = Random(4);
+    let scene = Scene::new(&mut random);
+    let (pose, at) = (scene.camera_from_object(), [(0, 1.0)]);
+    let observation = KeypointObservation { index: 0, pixel: Vector2::new(30.0, 20.0), sigma_px: 2.0 };
+    let cost = |position: PositionNoise| {
+        let mut rows = Rows::default();
+        keypoint_rows(&camera(), &pose, &scene.vertices, &at, &observation, position, Kernel::Squared, &mut rows);
+        rows.cost()
+    };
+    let (views, sigma_m) = (9, 0.1);
+    let alone = PositionNoise { sigma_m: sigma_m * 3.0, views: 1 };
+    let ratio = cost(PositionNoise { sigma_m, views }) / cost(alone);
+    assert!((ratio - 1.0).abs() < 1e-12, "{ratio}");
 }
 
 #[test]
@@ -205,6 +225,7 @@ fn slanted_view(scene: &Scene, border: Vec<meshslam_core::view::BorderPoint>) ->
         hidden: vec![0; crop.area()],
         border,
         border_length_px: 0.0,
+        surface_sigma_px: 0.0,
         keypoints: Vec::new(),
     }
     .checked(0)
@@ -283,6 +304,17 @@ fn an_outline_on_the_border_costs_nothing_and_a_shift_costs_its_length() {
     let forward: f64 = rows.iter().take(rows.len() - 1).map(|(r, _)| 0.5 * r.weight * r.residual * r.residual).sum();
     let expected = 0.5 * (0.5 * view.border_length_px / 20.0) * (2.0_f64 / 1.5).powi(2);
     assert!((forward / expected - 1.0).abs() < 0.05, "{forward} {expected}");
+}
+
+#[test]
+fn the_surfaces_error_lowers_the_weight_and_leaves_residuals_as_they_are() {
+    let (_, sharp) = rows_of_a_box(1.15, |_| {}, &noise());
+    let (_, rough) = rows_of_a_box(1.15, |v| v.surface_sigma_px = 2.0, &noise());
+    assert_eq!(sharp.len(), rough.len());
+    let share = 1.5_f64.powi(2) / (1.5_f64.powi(2) + 2.0_f64.powi(2));
+    for ((a, _), (b, _)) in sharp.iter().zip(rough.iter()) {
+        assert!((a.residual - b.residual).abs() < 1e-12 && (b.weight / a.weight - share).abs() < 1e-12);
+    }
 }
 
 #[test]

@@ -20,6 +20,7 @@ fn view(width: usize, height: usize, random: &mut Random) -> View {
         hidden: vec![0; crop.area()],
         border: vec![border, BorderPoint { own: false, ..border }, BorderPoint { length: 1.5, ..border }],
         border_length_px: 0.0,
+        surface_sigma_px: 0.0,
         keypoints: vec![KeypointObservation { index: 1, pixel: Vector2::new(50.0, 40.0), sigma_px: 1.0 }],
     }
 }
