@@ -15,6 +15,7 @@ from meshslam.cli.check import check
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
 from meshslam.cli.map import map_
+from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
@@ -32,6 +33,7 @@ app.command("map")(map_)
 app.command("detect")(detect)
 app.command("check")(check)
 app.command("demo")(demo)
+app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
 

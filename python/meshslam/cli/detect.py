@@ -15,6 +15,9 @@ def detect(
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+    keypoints: Annotated[
+        bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
+    ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with settings.")] = None,
 ) -> None:
     """Segment every frame of a recording and write the detections.
@@ -23,7 +26,7 @@ def detect(
     """
     from meshslam.cli.config import read_config
     from meshslam.cli.progress import progress_bars
-    from meshslam.cli.stages import open_input, segment_frames
+    from meshslam.cli.stages import open_input, segment_frames, with_keypoints
     from meshslam.maps import write_atomically
     from meshslam.perception import write_detections
 
@@ -32,9 +35,11 @@ def detect(
         settings.input, sequence=str(sequence), layout=layout, camera=camera, segmenter=str(segmenter), detections=None
     )
     settings = replace(settings, input=chosen)
+    if keypoints is not None:
+        settings = replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
     recording = open_input(settings.input)
     with progress_bars() as bars:
-        found = segment_frames(recording, settings, bars)
+        found = with_keypoints(recording, segment_frames(recording, settings, bars), settings, bars)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(out, write_detections(found))
     print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

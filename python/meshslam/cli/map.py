@@ -21,6 +21,9 @@ def map_(
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
     category: Annotated[str | None, typer.Option(help="Category to map.")] = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
+    keypoints: Annotated[
+        bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
+    ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run of other settings.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
@@ -42,6 +45,8 @@ def map_(
     settings = read_config(config)
     given = {key: value for key, value in chosen.items() if value is not None}
     settings = replace(settings, input=overlaid(settings.input, given, "flags"))
+    if keypoints is not None:
+        settings = replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
     if tracker is not None:
         settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
     figures = run_map(settings, out, overwrite=overwrite)

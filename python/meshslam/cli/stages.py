@@ -22,6 +22,8 @@ from meshslam.maps import Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import (
     DetectionSet,
     ImageEntry,
+    KeypointFinder,
+    add_keypoints,
     detect,
     load_segmenter,
     read_detections,
@@ -80,13 +82,28 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
         for warning in found.warnings:
             print(f"note: {warning}", file=sys.stderr)
         wanted = [d for d in found.detections if d.category in config.tracking.categories]
-        return found, bool(wanted) and all(d.track_id is not None for d in wanted)
+        return with_keypoints(recording, found, config, bars), bool(wanted) and all(
+            d.track_id is not None for d in wanted
+        )
     if run.has("detections.json"):
         found = read_detections(run.path("detections.json"))
         return found.with_tracks({d.id: None for d in found.detections}), False
-    found = segment_frames(recording, config, bars)
+    found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
     return found, False
+
+
+def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, bars: Bars) -> DetectionSet:
+    """The detections with key points by the shipped network, where there are images and no key points yet."""
+    if not config.keypoints.enabled or recording.image_paths is None:
+        return found
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+    return add_keypoints(
+        found,
+        lambda frame: recording.read_image(index[frame]),
+        KeypointFinder(config.keypoints),
+        progress=lambda frame: bars("key points", index.get(frame, -1) + 1, len(index)),
+    )
 
 
 def fitted(found: DetectionSet, recording: Sequence, path: Path) -> DetectionSet:

@@ -28,9 +28,9 @@ class TrainingConfig:
     """What decides the weights."""
 
     seed: int = 1
-    chunks: int = 100  # of 200 samples
+    chunks: int = 78  # of 200 samples
     held_out_chunks: int = 5
-    epochs: int = 12
+    epochs: int = 4
     batch: int = 32
     learning_rate: float = 3e-3  # at its peak
     weight_decay: float = 1e-3

@@ -107,9 +107,7 @@ def add_keypoints(
             filled.update({d.id: _with(d, car) for d, car in zip(wanted, cars, strict=True)})
         if progress:
             progress(frame)
-    categories = tuple(
-        replace(c, keypoints=finder.names) if c.name in VEHICLES else c for c in detections.categories
-    )
+    categories = tuple(replace(c, keypoints=finder.names) if c.name in VEHICLES else c for c in detections.categories)
     return replace(
         detections, categories=categories, detections=tuple(filled.get(d.id, d) for d in detections.detections)
     )
@@ -124,11 +122,11 @@ def _with(detection: Detection, car: CarPoints) -> Detection:
     """The detection with key points, rounded as they are written; those outside of its image say nothing."""
     height, width = detection.image_size
     pixels = np.round(car.pixels, 2)
-    inside = ((pixels >= -0.5) & (pixels <= [width - 0.5, height - 0.5])).all(1)
+    inside = np.all((pixels >= -0.5) & (pixels <= [width - 0.5, height - 0.5]), axis=1)
     return replace(
         detection,
         keypoints=np.where(inside[:, None], pixels, 0.0),
-        keypoint_scores=np.round(np.where(inside, car.scores, 0.0), 4),
+        keypoint_scores=np.asarray(np.round(np.where(inside, car.scores, 0.0), 4), float),
         keypoint_sigmas_px=np.round(car.sigmas_px, 3),
         viewing_angle_shares=np.round(car.angle_shares, 4),
     )
