@@ -12,6 +12,7 @@ import typer
 
 from meshslam.cli.category import category_app
 from meshslam.cli.check import check
+from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
 from meshslam.cli.map import map_
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 app.command("map")(map_)
 app.command("detect")(detect)
+app.command("convert")(convert)
 app.command("check")(check)
 app.command("demo")(demo)
 app.command("train-keypoints")(train_keypoints)

@@ -61,7 +61,7 @@ def learn(samples: Samples, config: TrainingConfig, checkpoint: Path, report: Re
             optimizer.step()
             schedule.step()
             if report:
-                report(f"epoch {epoch + 1}, loss {loss.item():.3f}", step + 1, steps)
+                report(f"epoch {epoch + 1}", step + 1, steps)
         state = [part.state_dict() for part in (network, optimizer, schedule)]
         _save(checkpoint, {"config": asdict(config), "epoch": epoch + 1, "state": state})
     return network
