@@ -11,8 +11,8 @@ import typer
 
 def detect(
     sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
-    segmenter: Annotated[Path, typer.Option(help="ONNX export of YOLO-seg (v5, v8, 11).")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
+    segmenter: Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")] = None,
     layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
     keypoints: Annotated[
@@ -32,7 +32,7 @@ def detect(
 
     settings = read_config(config)
     chosen = replace(
-        settings.input, sequence=str(sequence), layout=layout, camera=camera, segmenter=str(segmenter), detections=None
+        settings.input, sequence=str(sequence), layout=layout, camera=camera, segmenter=segmenter, detections=None
     )
     settings = replace(settings, input=chosen)
     if keypoints is not None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def map_(
     sequence: Annotated[Path | None, typer.Argument(help="Folder of the recording.")] = None,
     out: Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")] = Path("run"),
-    segmenter: Annotated[Path | None, typer.Option(help="ONNX export of YOLO-seg (v5, v8, 11).")] = None,
+    segmenter: Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")] = None,
     detections: Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")] = None,
     layout: Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
@@ -36,7 +36,7 @@ def map_(
 
     chosen = {
         "sequence": None if sequence is None else str(sequence.resolve()),
-        "segmenter": None if segmenter is None else str(segmenter.resolve()),
+        "segmenter": None if segmenter is None else named_or_path(segmenter),
         "detections": None if detections is None else str(detections.resolve()),
         "layout": layout,
         "camera": camera,
@@ -51,6 +51,11 @@ def map_(
         settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
     figures = run_map(settings, out, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
+
+
+def named_or_path(segmenter: str) -> str:
+    """The whole path of a file, the name of a network in the store."""
+    return str(Path(segmenter).resolve()) if Path(segmenter).exists() or segmenter.endswith(".onnx") else segmenter
 
 
 def run_map(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.cli.config import Config, InputConfig
-from meshslam.errors import DetectionError, SequenceError
+from meshslam.errors import DetectionError, ModelError, SequenceError
 from meshslam.geometry.arrays import Bytes
 from meshslam.mapping import Frames, Mapping, correct_rotations, map_objects
 from meshslam.maps import Map, RunDirectory, Trajectory, to_glb
@@ -30,6 +30,7 @@ from meshslam.perception import (
     track,
     write_detections,
 )
+from meshslam.perception.model_store import find_model
 from meshslam.sequences import Sequence, camera_yaml, open_sequence
 
 Bars = Callable[[str, int, int], None]
@@ -61,12 +62,16 @@ def open_input(chosen: InputConfig) -> Sequence:
 
 def segment_frames(recording: Sequence, config: Config, bars: Bars) -> DetectionSet:
     """Segment every frame with the network of the configuration."""
-    if config.input.segmenter is None:
+    try:
+        model = find_model(config.input.segmenter)
+    except ModelError as error:
+        if config.input.segmenter is not None:
+            raise
         raise SequenceError(
-            f"{recording.root}: nothing tells where the objects are: there is no detections.json, "
-            "so give --segmenter MODEL.onnx (an export of YOLO-seg) or --detections FILE"
-        )
-    segmenter = load_segmenter(Path(config.input.segmenter), config.segmentation)
+            f"{recording.root}: nothing tells where the objects are: there is no detections.json "
+            f"(--detections FILE names another), and {error}"
+        ) from None
+    segmenter = load_segmenter(model, config.segmentation)
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
     frames = ((frame, recording.read_image(i)) for frame, i in index.items())
     return detect(frames, segmenter, progress=lambda frame: bars("segment", index[frame] + 1, len(index)))
