@@ -3,8 +3,7 @@
     .venv/bin/python scripts/keypoint_sheet.py --out sheet.png                          held-out drawn cars
     .venv/bin/python scripts/keypoint_sheet.py SEQUENCE detections.json --out sheet.png
 
-Green: points of the front, red: of the rear; the number is the viewing angle, degrees: 0 ahead of the car, 90 left of it.
-
+Green: points of the front, red: of the rear; the number is the viewing angle, 0 ahead of the car, 90 at its left.
 """
 
 import argparse
