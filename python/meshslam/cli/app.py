@@ -12,9 +12,12 @@ import typer
 
 from meshslam.cli.category import category_app
 from meshslam.cli.check import check
+from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
 from meshslam.cli.map import map_
+from meshslam.cli.models import models_app
+from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
@@ -30,10 +33,13 @@ app = typer.Typer(
 )
 app.command("map")(map_)
 app.command("detect")(detect)
+app.command("convert")(convert)
 app.command("check")(check)
 app.command("demo")(demo)
+app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
+app.add_typer(models_app, name="models")
 
 
 def main() -> None:

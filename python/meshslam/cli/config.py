@@ -11,7 +11,7 @@ import yaml
 
 from meshslam.errors import ConfigError
 from meshslam.mapping import MappingConfig
-from meshslam.perception import SegmenterConfig, TrackerConfig
+from meshslam.perception import KeypointConfig, SegmenterConfig, TrackerConfig
 
 Settings = TypeVar("Settings")
 
@@ -34,6 +34,7 @@ class Config:
 
     input: InputConfig = field(default_factory=InputConfig)
     segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
+    keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
 

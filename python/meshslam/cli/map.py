@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def map_(
     sequence: Annotated[Path | None, typer.Argument(help="Folder of the recording.")] = None,
     out: Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")] = Path("run"),
-    segmenter: Annotated[Path | None, typer.Option(help="ONNX export of YOLO-seg (v5, v8, 11).")] = None,
+    segmenter: Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")] = None,
     detections: Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")] = None,
     layout: Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
@@ -23,6 +23,9 @@ def map_(
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
     solver: Annotated[
         str | None, typer.Option(help="residuals: second order on the outline; gradient: the paper's descent.")
+    ] = None,
+    keypoints: Annotated[
+        bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
     ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run of other settings.")] = False,
@@ -36,7 +39,7 @@ def map_(
 
     chosen = {
         "sequence": None if sequence is None else str(sequence.resolve()),
-        "segmenter": None if segmenter is None else str(segmenter.resolve()),
+        "segmenter": None if segmenter is None else named_or_path(segmenter),
         "detections": None if detections is None else str(detections.resolve()),
         "layout": layout,
         "camera": camera,
@@ -45,12 +48,19 @@ def map_(
     settings = read_config(config)
     given = {key: value for key, value in chosen.items() if value is not None}
     settings = replace(settings, input=overlaid(settings.input, given, "flags"))
+    if keypoints is not None:
+        settings = replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
     if tracker is not None:
         settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
     if solver is not None:
         settings = replace(settings, mapping=overlaid(settings.mapping, {"solver": solver}, "--solver"))
     figures = run_map(settings, out, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
+
+
+def named_or_path(segmenter: str) -> str:
+    """The whole path of a file, the name of a network in the store."""
+    return str(Path(segmenter).resolve()) if Path(segmenter).exists() or segmenter.endswith(".onnx") else segmenter
 
 
 def run_map(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:

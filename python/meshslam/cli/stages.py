@@ -15,19 +15,22 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.cli.config import Config, InputConfig
-from meshslam.errors import DetectionError, SequenceError
+from meshslam.errors import DetectionError, ModelError, SequenceError
 from meshslam.geometry.arrays import Bytes
 from meshslam.mapping import Frames, Mapping, correct_rotations, map_objects
 from meshslam.maps import Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import (
     DetectionSet,
     ImageEntry,
+    KeypointFinder,
+    add_keypoints,
     detect,
     load_segmenter,
     read_detections,
     track,
     write_detections,
 )
+from meshslam.perception.model_store import find_model
 from meshslam.sequences import Sequence, camera_yaml, open_sequence
 
 Bars = Callable[[str, int, int], None]
@@ -59,12 +62,16 @@ def open_input(chosen: InputConfig) -> Sequence:
 
 def segment_frames(recording: Sequence, config: Config, bars: Bars) -> DetectionSet:
     """Segment every frame with the network of the configuration."""
-    if config.input.segmenter is None:
+    try:
+        model = find_model(config.input.segmenter)
+    except ModelError as error:
+        if config.input.segmenter is not None:
+            raise
         raise SequenceError(
-            f"{recording.root}: nothing tells where the objects are: there is no detections.json, "
-            "so give --segmenter MODEL.onnx (an export of YOLO-seg) or --detections FILE"
-        )
-    segmenter = load_segmenter(Path(config.input.segmenter), config.segmentation)
+            f"{recording.root}: nothing tells where the objects are: there is no detections.json "
+            f"(--detections FILE names another), and {error}"
+        ) from None
+    segmenter = load_segmenter(model, config.segmentation)
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
     frames = ((frame, recording.read_image(i)) for frame, i in index.items())
     return detect(frames, segmenter, progress=lambda frame: bars("segment", index[frame] + 1, len(index)))
@@ -80,13 +87,28 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
         for warning in found.warnings:
             print(f"note: {warning}", file=sys.stderr)
         wanted = [d for d in found.detections if d.category in config.tracking.categories]
-        return found, bool(wanted) and all(d.track_id is not None for d in wanted)
+        return with_keypoints(recording, found, config, bars), bool(wanted) and all(
+            d.track_id is not None for d in wanted
+        )
     if run.has("detections.json"):
         found = read_detections(run.path("detections.json"))
         return found.with_tracks({d.id: None for d in found.detections}), False
-    found = segment_frames(recording, config, bars)
+    found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
     return found, False
+
+
+def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, bars: Bars) -> DetectionSet:
+    """The detections with key points by the shipped network, where there are images and no key points yet."""
+    if not config.keypoints.enabled or recording.image_paths is None:
+        return found
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+    return add_keypoints(
+        found,
+        lambda frame: recording.read_image(index[frame]),
+        KeypointFinder(config.keypoints),
+        progress=lambda frame: bars("key points", index.get(frame, -1) + 1, len(index)),
+    )
 
 
 def fitted(found: DetectionSet, recording: Sequence, path: Path) -> DetectionSet:

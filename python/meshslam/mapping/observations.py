@@ -166,12 +166,15 @@ def keypoints_of(
 ) -> tuple[np.ndarray, Floats, Floats]:
     """Key points worth using: the category's numbers (k,), pixels (k, 2), sigmas (k,).
 
-    A point's sigma is a share of the box's size, larger for a lower score.
+    A point's sigma, where the detection gives none, is a share of the box's size, larger for a lower score.
     """
     if detection.keypoints is None or detection.keypoint_scores is None:
         return np.zeros(0, int), np.zeros((0, 2)), np.zeros(0)
     order = np.asarray(keypoint_order, int)
     good = (detection.keypoint_scores >= config.keypoint_min_score) & (order >= 0)
+    if detection.keypoint_sigmas_px is not None:
+        given = np.maximum(config.keypoint_min_sigma_px, detection.keypoint_sigmas_px[good])
+        return order[good], detection.keypoints[good], given
     size = max(detection.bbox[2:])
     sigma = max(config.keypoint_min_sigma_px, config.keypoint_sigma_share * size)
     sigmas = sigma / np.sqrt(np.clip(detection.keypoint_scores[good], 0.1, 1.0))

@@ -25,6 +25,7 @@ from meshslam.mapping.reconstruct import (
     Reconstruction,
     Scene,
     centred,
+    cheapest,
     fit_free_form,
     fit_modes,
     height_over_road_m,
@@ -220,7 +221,7 @@ def _again(work: _Work, scene: Scene) -> _Work:
     pose = work.found.state.world_from_object
     candidates = [refit(observed, scene, work.found)]
     candidates += [fit_modes(observed, scene, start) for start in (pose, flipped(pose))]
-    best = min(candidates, key=lambda found: found.cost)
+    best = cheapest(candidates, observed.track)
     return _Work(observed, replace(best, start=work.found.start))
 
 

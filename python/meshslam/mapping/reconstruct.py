@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from meshslam.geometry import Camera, GroundPlane, NoiseModel, ObjectModel, Obje
 from meshslam.geometry.arrays import Bools, Floats
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.ground import ground_near
+from meshslam.mapping.heading import heading_cost
 from meshslam.mapping.initialize import (
     flipped,
     pose_from_keypoints,
@@ -93,7 +95,12 @@ def reconstruct(observed: Observed, scene: Scene) -> Reconstruction:
     starts = find_start(observed, scene)
     best = starts[0][1]
     candidates = [best, flipped(best)] + [pose for _, pose in starts[1:] if _differs(pose, best)][:1]
-    return min((fit_modes(observed, scene, pose) for pose in candidates), key=lambda r: r.cost)
+    return cheapest([fit_modes(observed, scene, pose) for pose in candidates], observed.track)
+
+
+def cheapest(candidates: Sequence[Reconstruction], track: Track) -> Reconstruction:
+    """The reconstruction that residuals and the viewing angles of the detections speak for."""
+    return min(candidates, key=lambda r: r.cost + heading_cost(track, r.state.world_from_object))
 
 
 def _differs(pose: Pose, other: Pose) -> bool:

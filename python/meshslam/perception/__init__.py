@@ -1,6 +1,7 @@
 """Segmentation, tracking, and detections in and out."""
 
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry, write_detections
+from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, add_keypoints
 from meshslam.perception.masks import encode_mask
 from meshslam.perception.reading import read_detections
 from meshslam.perception.segmentation import Instance, Segmenter, SegmenterConfig, detect, load_segmenter
@@ -12,9 +13,12 @@ __all__ = [
     "DetectionSet",
     "ImageEntry",
     "Instance",
+    "KeypointConfig",
+    "KeypointFinder",
     "Segmenter",
     "SegmenterConfig",
     "TrackerConfig",
+    "add_keypoints",
     "detect",
     "encode_mask",
     "load_segmenter",

@@ -19,3 +19,7 @@ VEHICLE_GROUP = "vehicle"
 def association_group(category: str) -> str:
     """Name what a category is compared with: vehicles with each other, everything else with its like."""
     return VEHICLE_GROUP if category in VEHICLES else category
+
+
+_LEFT_OUT = (12, 26, 29, 30, 45, 66, 68, 69, 71, 83)  # of the 90 numbers that annotation files use
+COCO_NUMBERS = dict(zip((n for n in range(1, 91) if n not in _LEFT_OUT), COCO_CLASSES, strict=True))

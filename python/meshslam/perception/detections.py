@@ -47,6 +47,8 @@ class Detection:
     image_size: tuple[int, int]  # height, width: px
     keypoints: Floats | None = None  # (K, 2) px
     keypoint_scores: Floats | None = None  # (K,) in [0, 1]
+    keypoint_sigmas_px: Floats | None = None  # (K,) along one axis; None: they follow from score and box
+    viewing_angle_shares: Floats | None = None  # (n,) of n equal bins around the object, the first about its front
     track_id: int | None = None
 
     def mask(self) -> Bytes:
@@ -134,6 +136,10 @@ def _annotation(detection: Detection, category_id: int) -> dict[str, Any]:
         entry["keypoints"] = [value for (x, y), s in points for value in (x, y, 2 if s > 0 else 0)]
         entry["num_keypoints"] = sum(s > 0 for s in scores)
         entry["keypoint_scores"] = scores
+        if detection.keypoint_sigmas_px is not None:
+            entry["keypoint_sigmas_px"] = detection.keypoint_sigmas_px.tolist()
+    if detection.viewing_angle_shares is not None:
+        entry["viewing_angle_shares"] = detection.viewing_angle_shares.tolist()
     if detection.track_id is not None:
         entry["track_id"] = detection.track_id
     return entry

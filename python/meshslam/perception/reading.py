@@ -117,6 +117,8 @@ class _AnnotationReader:
             image_size=(image.height, image.width),
             keypoints=points,
             keypoint_scores=scores,
+            keypoint_sigmas_px=None if scores is None else _positive(row, "keypoint_sigmas_px", len(scores)),
+            viewing_angle_shares=_shares(row),
             track_id=_integer(row, "track_id") if row.get("track_id") is not None else None,
         )
 
@@ -197,6 +199,33 @@ def _number(value: object, key: str) -> float:
     if not is_finite_number(value):
         raise DetectionError(f"{key}: found {json.dumps(value)[:60]}, expected a finite number")
     return float(value)
+
+
+def _positive(row: dict[str, Any], key: str, count: int) -> Floats | None:
+    given = row.get(key)
+    if given is None:
+        return None
+    if not isinstance(given, list) or len(given) != count:
+        raise DetectionError(f"{key}: expected {count} numbers, one per key point")
+    values = np.array([_number(value, key) for value in given])
+    if (values <= 0).any():
+        raise DetectionError(f"{key}: found {values.min()}, expected pixels above 0")
+    return values
+
+
+def _shares(row: dict[str, Any]) -> Floats | None:
+    """The distribution of the viewing angle, made to sum to 1."""
+    key = "viewing_angle_shares"
+    given = row.get(key)
+    if given is None:
+        return None
+    if not isinstance(given, list) or len(given) < 4:
+        raise DetectionError(f"{key}: expected a list of at least 4 shares")
+    values = np.array([_number(value, key) for value in given])
+    if (values < 0).any() or values.sum() <= 0:
+        raise DetectionError(f"{key}: expected shares that are not negative, and not all 0")
+    normalized: Floats = values / values.sum()
+    return normalized
 
 
 Value = TypeVar("Value", ImageEntry, CategoryEntry)

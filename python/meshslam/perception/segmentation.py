@@ -16,6 +16,7 @@ from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats
 from meshslam.perception.coco import COCO_CLASSES, VEHICLE_GROUP, association_group
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.letterbox import Letterbox, Singles
+from meshslam.perception.mask_rcnn import MaskRcnnLayout, decode_mask_rcnn, input_of, recognize_mask_rcnn
 from meshslam.perception.masks import encode_mask
 from meshslam.perception.suppression import (
     Patch,
@@ -67,7 +68,9 @@ class Segmenter(Protocol):
 
 
 def load_segmenter(path: Path, config: SegmenterConfig | None = None, threads: int = 2) -> Segmenter:
-    """Load a YOLO network for instance segmentation (v5, v8, 11 exports); its layout is told from its outputs' shapes.
+    """Load a network for instance segmentation; its layout is told from its outputs' shapes.
+
+    Known are YOLO-seg (v5, v8, 11) and Mask R-CNN (torchvision, ONNX model zoo).
 
     Raises ModelError if the file cannot be loaded or its inputs, outputs or class names fit no known layout.
     """
@@ -84,6 +87,9 @@ def load_segmenter(path: Path, config: SegmenterConfig | None = None, threads: i
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime's own exceptions have no common base but this
         raise ModelError(f"{path}: cannot be loaded as an ONNX model: {_first_line(error)}") from None
+    layout = recognize_mask_rcnn(session)
+    if layout is not None:
+        return MaskRcnnSegmenter(path, session, layout, config or SegmenterConfig())
     return OnnxSegmenter(path, session, config or SegmenterConfig())
 
 
@@ -109,25 +115,8 @@ class OnnxSegmenter:
         best = suppress_boxes(boxes, scores, self._groups[classes], self.config.iou_threshold)
         best = best[: self.config.maximum_instances]
         patches = [places[i][0].patch(places[i][1]) for i in best]
-        groups = self._groups[classes[best]]
-        kept = suppress_nested(patches, groups, self.config.nested_share)
-        kept = without_passengers(kept, patches, groups == VEHICLE_GROUP)
-        patches = [patches[k] for k in kept]
-        masks = share_out(patches, [groups[k] == VEHICLE_GROUP for k in kept], *image_bgr.shape[:2])
-        rows = zip(best[kept], patches, masks, strict=True)
-        found = [self._instance(int(classes[i]), float(scores[i]), p, m, image_bgr.shape[:2]) for i, p, m in rows]
-        return [i for i in found if i is not None]
-
-    def _instance(
-        self, index: int, score: float, patch: Patch, part: Bytes, image_size: tuple[int, int]
-    ) -> Instance | None:
-        if int(part.sum()) < self.config.minimum_area_px:
-            return None
-        x, y, width, height = cv2.boundingRect(part)
-        mask = np.zeros(image_size, np.uint8)
-        mask[patch.place] = part
-        bbox = (float(x + patch.left), float(y + patch.top), float(width), float(height))
-        return Instance(self.names[index], round(score, 4), bbox, mask)
+        names = [self.names[i] for i in classes[best]]
+        return settled(patches, scores[best], names, image_bgr.shape[:2], self.config)
 
     def _windows(self, height: int, width: int) -> list[Window]:
         whole: Window = (0, 0, width, height)
@@ -166,6 +155,56 @@ class OnnxSegmenter:
             return recognize([output.shape for output in outputs], height, width)
         except ModelError as error:
             raise ModelError(f"{self.path}: {error}") from None
+
+
+class MaskRcnnSegmenter:
+    """A Mask R-CNN in an ONNX Runtime session."""
+
+    def __init__(self, path: Path, session: Any, layout: MaskRcnnLayout, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
+        self.path, self.config, self.layout, self._session = path, config, layout, session
+        inputs = session.get_inputs()
+        if len(inputs) != 1 or len(inputs[0].shape) not in (3, 4) or inputs[0].type != "tensor(float)":
+            found = ", ".join(f"{i.name} {i.shape} {i.type}" for i in inputs)
+            raise ModelError(f"{path}: has inputs {found}, expected one float image (3, height, width)")
+        self._input, self._rank = inputs[0].name, len(inputs[0].shape)
+        self.names = tuple(dict.fromkeys(layout.names().values()))
+
+    def segment(self, image_bgr: Bytes) -> list[Instance]:
+        """Return the instances in a (height, width, 3) image by falling score; no pixel belongs to two."""
+        values, scale = input_of(image_bgr, self.layout, self._rank)
+        try:
+            outputs = self._session.run(None, {self._input: values})
+        except Exception as error:  # the runtime's own exceptions have no common base but this
+            raise ModelError(f"{self.path}: fails on an input of {values.shape}: {_first_line(error)}") from None
+        height, width = image_bgr.shape[:2]
+        found = decode_mask_rcnn(outputs, self.layout, scale, height, width, self.config.score_threshold)
+        boxes, scores, labels, patches = found
+        known = self.layout.names()
+        names = [known[label] for label in labels]
+        groups = np.array([association_group(name) for name in names], dtype=object)
+        best = suppress_boxes(boxes, scores, groups, self.config.iou_threshold)[: self.config.maximum_instances]
+        chosen = [patches[i] for i in best]
+        return settled(chosen, scores[best], [names[i] for i in best], (height, width), self.config)
+
+
+def settled(
+    patches: Sequence[Patch], scores: Floats, names: Sequence[str], image_size: tuple[int, int], config: SegmenterConfig
+) -> list[Instance]:
+    """Instances of candidates by falling score: nested ones and passengers left out, each pixel given to one."""
+    groups = np.array([association_group(name) for name in names])
+    kept = suppress_nested(patches, groups, config.nested_share)
+    kept = without_passengers(kept, patches, groups == VEHICLE_GROUP)
+    masks = share_out([patches[k] for k in kept], [bool(groups[k] == VEHICLE_GROUP) for k in kept], *image_size)
+    found = []
+    for k, part in zip(kept, masks, strict=True):
+        if int(part.sum()) < config.minimum_area_px:
+            continue
+        x, y, width, height = cv2.boundingRect(part)
+        mask = np.zeros(image_size, np.uint8)
+        mask[patches[k].place] = part
+        bbox = (float(x + patches[k].left), float(y + patches[k].top), float(width), float(height))
+        found.append(Instance(names[k], round(float(scores[k]), 4), bbox, mask))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

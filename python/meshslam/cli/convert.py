@@ -1,0 +1,63 @@
+"""`meshslam convert`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from meshslam.perception import DetectionSet
+
+
+class Source(StrEnum):
+    """What can be converted."""
+
+    coco_results = "coco-results"
+    yolo = "yolo"
+    openpifpaf = "openpifpaf"
+    mots_txt = "mots-txt"
+    mots_png = "mots-png"
+
+
+def convert(
+    source: Annotated[Source, typer.Argument(help="Whose detections they are.")],
+    path: Annotated[Path, typer.Argument(help="File (coco-results, mots-txt) or folder (yolo, openpifpaf, mots-png).")],
+    sequence: Annotated[Path, typer.Option(help="Folder of the recording: its frames and its images' size.")],
+    out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
+    masks: Annotated[Path | None, typer.Option(help="openpifpaf: detections with masks, which get the points.")] = None,
+    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
+    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+) -> None:
+    """Convert detections of other tools to the file that `meshslam map --detections` reads.
+
+    Example: meshslam convert mots-txt 0006.txt --sequence 06 --out detections.json
+    """
+    from meshslam.cli.config import InputConfig
+    from meshslam.cli.stages import open_input
+    from meshslam.errors import DetectionError
+    from meshslam.maps import write_atomically
+    from meshslam.perception import conversion, read_detections, write_detections
+
+    recording = open_input(InputConfig(sequence=str(sequence), layout=layout, camera=camera))
+    raw = recording.raw_camera
+    frames = conversion.Frames(recording.frame_ids, raw.width, raw.height)
+    if source is Source.openpifpaf:
+        if masks is None:
+            raise DetectionError("openpifpaf has key points but no masks: give --masks FILE (meshslam detect makes it)")
+        found = conversion.with_openpifpaf(path, read_detections(masks))
+    else:
+        readers: dict[Source, Callable[[Path, conversion.Frames], DetectionSet]] = {
+            Source.coco_results: conversion.from_coco_results,
+            Source.yolo: conversion.from_yolo_txt,
+            Source.mots_txt: conversion.from_mots_txt,
+            Source.mots_png: conversion.from_mots_png,
+        }
+        found = readers[source](path, frames)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(out, write_detections(found))
+    print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

@@ -1,0 +1,44 @@
+"""`meshslam models`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+models_app = typer.Typer(help="Segmentation networks that runs find by name.", no_args_is_help=True)
+
+
+@models_app.command("add")
+def add(
+    file: Annotated[Path, typer.Argument(help="ONNX export of YOLO-seg (v5, v8, 11) or Mask R-CNN.")],
+    name: Annotated[str | None, typer.Option(help="Name in the store; the file's without it.")] = None,
+    licence: Annotated[str | None, typer.Option(help="Licence of the weights, where the file does not say.")] = None,
+) -> None:
+    """Put a network into the store.
+
+    Example: meshslam models add yolov5n-seg.onnx
+    """
+    from meshslam.perception import load_segmenter
+    from meshslam.perception.model_store import add_model
+
+    load_segmenter(file)  # what fits no layout is refused here, not in a run
+    model = add_model(file, name, licence)
+    print(f"{model.name}: {model.path}, {model.size / 1e6:.1f} MB, sha256 {model.sha256}")
+    print(f"licence: {model.licence}")
+
+
+@models_app.command("list")
+def list_() -> None:
+    """List the networks in the store, with checksum and licence.
+
+    Example: meshslam models list
+    """
+    from meshslam.perception.model_store import ADVICE, store_folder, stored_models
+
+    models = stored_models()
+    for model in models:
+        print(f"{model.name}: {model.size / 1e6:.1f} MB, sha256 {model.sha256[:16]}, licence: {model.licence}")
+    if not models:
+        print(f"there is no segmentation network in {store_folder()}: {ADVICE}")

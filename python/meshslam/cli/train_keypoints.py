@@ -1,0 +1,48 @@
+"""`meshslam train-keypoints`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def train_keypoints(
+    out: Annotated[Path, typer.Option(help="Folder for the samples, the checkpoint and the network.")],
+    seed: Annotated[int, typer.Option(help="Decides cars, scenes and weights.")] = 1,
+    chunks: Annotated[int, typer.Option(help="How many times 200 samples are drawn.", min=2)] = 78,
+    held_out: Annotated[int, typer.Option(help="Chunks of them that are kept for the figures.", min=1)] = 5,
+    epochs: Annotated[int, typer.Option(help="Passes over the samples.", min=1)] = 4,
+    workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
+) -> None:
+    """Train the network that finds the key points of cars, on drawn cars alone. Needs the extra `train` (PyTorch).
+
+    The same command goes on where it was cut short. The defaults give the network that is shipped.
+
+    Example: meshslam train-keypoints --out training
+    """
+    from dataclasses import asdict
+
+    from meshslam.cli.progress import progress_bars
+    from meshslam.errors import ModelError
+
+    try:
+        import torch  # noqa: F401 # the extra is there
+    except ImportError:
+        raise ModelError("training needs PyTorch, which is not installed: pip install 'meshslam[train]'") from None
+    from meshslam.training.dataset import draw_samples
+    from meshslam.training.train import TrainingConfig, evaluate, export, learn
+    from meshslam.training.train import held_out as split
+
+    if held_out >= chunks:
+        raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")
+    config = TrainingConfig(seed=seed, chunks=chunks, held_out_chunks=held_out, epochs=epochs)
+    with progress_bars() as bars:
+        paths = draw_samples(out / "samples", seed, chunks, workers, bars)
+        learnt, kept = split(paths, config)
+        network = learn(learnt, config, out / "checkpoint.pt", bars)
+    export(network, out / "car_keypoints.onnx")
+    for key, value in asdict(evaluate(network, kept)).items():
+        print(f"{key}: {value:.4f}")
+    print(f"{out / 'car_keypoints.onnx'}: give it as keypoints.model in the configuration")

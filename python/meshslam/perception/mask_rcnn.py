@@ -1,0 +1,88 @@
+"""Mask R-CNN (He et al. 2017) in an ONNX Runtime session: torchvision's exports, and those of the ONNX model zoo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from meshslam.geometry.arrays import AnyArray, Bytes, Floats
+from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS
+from meshslam.perception.letterbox import Singles
+from meshslam.perception.suppression import Patch
+
+CELLS = 28  # of a mask that is not pasted into the image yet
+_ZOO_MEAN_BGR = np.array([102.9801, 115.9465, 122.7717], np.float32)
+_ZOO_SHORTER_PX = 800
+_STRIDE = 32
+
+
+@dataclass(frozen=True)
+class MaskRcnnLayout:
+    """Which outputs are which, and what the network expects.
+
+    `pasted`: masks have the input's size, and the input is RGB in [0, 1] (torchvision); else they are `CELLS` wide in
+    their boxes, and the input is BGR less its mean, padded to a multiple of 32 (the model zoo).
+    """
+
+    boxes: int
+    labels: int
+    scores: int
+    masks: int
+    pasted: bool
+
+    def names(self) -> dict[int, str]:
+        """Classes by label."""
+        return dict(COCO_NUMBERS) if self.pasted else dict(enumerate(COCO_CLASSES, start=1))
+
+
+def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # noqa: ANN401 # untyped package
+    """The layout of outputs boxes (N, 4), labels (N), scores (N), masks (N, 1, h, w); None for others."""
+    outputs, place = session.get_outputs(), {}
+    for i, output in enumerate(outputs):
+        rank = len(output.shape)
+        kind = {2: "boxes", 4: "masks"}.get(rank, "labels" if "int" in output.type else "scores")
+        place[kind] = i
+    if len(outputs) != 4 or set(place) != {"boxes", "labels", "scores", "masks"}:
+        return None
+    return MaskRcnnLayout(**place, pasted=outputs[place["masks"]].shape[-1] != CELLS)
+
+
+def input_of(image_bgr: Bytes, layout: MaskRcnnLayout, rank: int) -> tuple[Singles, float]:
+    """The input (3, h, w), or (1, 3, h, w) for rank 4, and how much larger it is than the image."""
+    if layout.pasted:
+        values, scale = image_bgr[..., ::-1].astype(np.float32) / np.float32(255), 1.0
+    else:
+        scale = _ZOO_SHORTER_PX / min(image_bgr.shape[:2])
+        larger = cv2.resize(image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+        height, width = (-(-n // _STRIDE) * _STRIDE for n in larger.shape[:2])
+        values = np.zeros((height, width, 3), np.float32)
+        values[: larger.shape[0], : larger.shape[1]] = larger.astype(np.float32) - _ZOO_MEAN_BGR
+    planes = np.ascontiguousarray(values.transpose(2, 0, 1), np.float32)
+    return (planes if rank == 3 else planes[None]), scale
+
+
+def decode_mask_rcnn(
+    outputs: Sequence[AnyArray], layout: MaskRcnnLayout, scale: float, height: int, width: int, least_score: float
+) -> tuple[Floats, Floats, list[int], list[Patch]]:
+    """Boxes (N, 4) x0, y0, x1, y1 in the image, scores (N,), labels and masks of what scores enough and is known."""
+    known = layout.names()
+    scores, labels = np.asarray(outputs[layout.scores], float), [int(v) for v in outputs[layout.labels]]
+    boxes = np.clip(np.asarray(outputs[layout.boxes], float) / scale, 0, [width, height, width, height])
+    large = np.all(boxes[:, 2:] - boxes[:, :2] >= 1, axis=1)
+    rows = [i for i in range(len(scores)) if scores[i] >= least_score and labels[i] in known and large[i]]
+    patches = [_patch(np.asarray(outputs[layout.masks][i, 0], np.float32), boxes[i], layout) for i in rows]
+    return boxes[rows], scores[rows], [labels[i] for i in rows], patches
+
+
+def _patch(mask: Singles, box: Floats, layout: MaskRcnnLayout) -> Patch:
+    """Probabilities over one half, cut at the box."""
+    x0, y0 = np.floor(box[:2]).astype(int).tolist()
+    x1, y1 = np.ceil(box[2:]).astype(int).tolist()
+    if layout.pasted:
+        return Patch(x0, y0, mask[y0:y1, x0:x1] - np.float32(0.5))
+    part = cv2.resize(mask, (x1 - x0, y1 - y0), interpolation=cv2.INTER_LINEAR)
+    return Patch(x0, y0, np.asarray(part, np.float32) - np.float32(0.5))

@@ -1,0 +1,57 @@
+"""Cars to draw for training: finely meshed procedural cars, each with its own measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshslam.categories.icosphere import icosphere, subdivide
+from meshslam.categories.procedural.car import CarShape
+from meshslam.categories.procedural.solid import distance_and_normal, project
+from meshslam.categories.procedural.styles import draw_car
+from meshslam.categories.shrinkwrap import Wrapper, carry
+from meshslam.categories.template import car_template, middle_car
+from meshslam.geometry.arrays import Floats, Ints
+
+SUBDIVISIONS = 2  # beyond the category's mesh: edges of about 5 cm
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingCar:
+    """A car's surface; x forward from the middle of the wheelbase, y left, z up from the ground, metres."""
+
+    shape: CarShape
+    vertices: Floats  # (V, 3)
+    faces: Ints  # (F, 3)
+    face_normals: Floats  # (F, 3), smoothed: means of the corners' normals
+    keypoints: Floats  # (12, 3), in the order of KEYPOINT_NAMES
+    coarse: int  # the first so many vertices are those of the category's mesh
+
+    @property
+    def middle(self) -> Floats:
+        """Centre (3,) of the bounding box."""
+        centre: Floats = (self.vertices.max(0) + self.vertices.min(0)) / 2
+        return centre
+
+
+def make_cars(seed: int, count: int) -> list[TrainingCar]:
+    """Draw `count` cars; the same seed gives the same cars."""
+    wrapper, middle = Wrapper(icosphere(3)), middle_car()
+    template, landmarks = car_template(wrapper, middle), middle.landmarks()
+    rng = np.random.default_rng(seed)
+    shapes = [draw_car(rng) for _ in range(count)]
+    faces = wrapper.sphere.faces
+    return [_meshed(car, wrapper.fit(car.field, carry(template, landmarks, car.landmarks())), faces) for car in shapes]
+
+
+def _meshed(car: CarShape, coarse: Floats, faces: Ints) -> TrainingCar:
+    """Refine the category's mesh and lay it on the solid once more."""
+    vertices = coarse
+    for _ in range(SUBDIVISIONS):
+        vertices, faces = subdivide(vertices, faces)
+    vertices = project(car.field, vertices, 3)
+    _, normal = distance_and_normal(car.field, vertices, 0.01)
+    mean = normal[faces].mean(1)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)
+    return TrainingCar(car, vertices, faces, mean, car.keypoints(), len(coarse))

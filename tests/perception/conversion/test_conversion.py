@@ -1,0 +1,121 @@
+"""Detections of other tools come out as the masks that went in."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from meshslam.errors import DetectionError
+from meshslam.perception import encode_mask
+from meshslam.perception.conversion import (
+    Frames,
+    from_coco_results,
+    from_mots_png,
+    from_mots_txt,
+    from_yolo_txt,
+    with_openpifpaf,
+)
+from meshslam.perception.conversion.openpifpaf import APOLLO_24, OURS_FROM_APOLLO
+
+FRAMES = Frames((0, 1, 2), 64, 48)
+
+
+def square(x, y, side=12):
+    mask = np.zeros((48, 64), np.uint8)
+    mask[y : y + side, x : x + side] = 1
+    return mask
+
+
+def test_coco_results_keep_frame_class_score_and_mask(tmp_path):
+    mask = square(5, 7)
+    row = {"image_id": 2, "category_id": 3, "segmentation": encode_mask(mask), "score": 0.7}
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps([row, {**row, "image_id": 0, "category_id": 90}]))
+    found = from_coco_results(path, FRAMES).detections
+    assert [(d.frame, d.category, d.score) for d in found] == [(0, "toothbrush", 0.7), (2, "car", 0.7)]
+    assert (found[1].mask() == mask).all()
+    assert found[1].bbox == (5, 7, 12, 12)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"image_id": 9}, "frame 9"),
+        ({"category_id": 12}, "category_id"),
+        ({"score": 2}, "score"),
+        ({"segmentation": None}, "segmentation"),
+    ],
+)
+def test_coco_results_that_are_wrong_are_named(tmp_path, change, said):
+    row = {"image_id": 2, "category_id": 3, "segmentation": encode_mask(square(5, 7)), "score": 0.7} | change
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps([row]))
+    with pytest.raises(DetectionError, match=said):
+        from_coco_results(path, FRAMES)
+
+
+def test_yolo_polygons_are_shares_of_the_image(tmp_path):
+    corners = np.array([[10, 6], [30, 6], [30, 20], [10, 20]]) / [64, 48]
+    words = " ".join(f"{v:.6f}" for v in corners.ravel())
+    (tmp_path / "drive_000001.txt").write_text(f"2 {words} 0.83\n0 {words}\n")
+    found = from_yolo_txt(tmp_path, FRAMES).detections
+    assert [(d.frame, d.category, d.score) for d in found] == [(1, "car", 0.83), (1, "person", 1.0)]
+    expected = np.zeros((48, 64), np.uint8)
+    expected[6:20, 10:30] = 1
+    assert (found[0].mask() != expected).mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    "line", ["2 0.1 0.2", "99 0.1 0.1 0.2 0.1 0.2 0.2", "2 0.1 x 0.2 0.1 0.2 0.2", "2 9 9 9 8 8 8"]
+)
+def test_yolo_lines_that_are_wrong_are_named_with_their_place(tmp_path, line):
+    (tmp_path / "000001.txt").write_text(line)
+    with pytest.raises(DetectionError, match=r"000001.txt:1"):
+        from_yolo_txt(tmp_path, FRAMES)
+
+
+def test_mots_text_and_pictures_say_the_same(tmp_path):
+    masks = {1003: square(4, 4), 2007: square(30, 20), 10000: square(50, 2, 8)}
+    picture = np.zeros((48, 64), np.uint16)
+    lines = []
+    for number, mask in masks.items():
+        picture[mask > 0] = number
+        lines.append(f"1 {number} {number // 1000} 48 64 {encode_mask(mask)['counts']}")
+    (tmp_path / "png").mkdir()
+    cv2.imwrite(str(tmp_path / "png" / "000001.png"), picture)
+    (tmp_path / "mots.txt").write_text("\n".join(lines))
+    sets = [from_mots_png(tmp_path / "png", FRAMES), from_mots_txt(tmp_path / "mots.txt", FRAMES)]
+    for found in sets:
+        assert [(d.frame, d.category, d.track_id) for d in found.detections] == [(1, "car", 1003), (1, "person", 2007)]
+        assert (found.detections[0].mask() == masks[1003]).all()
+
+
+def test_openpifpaf_points_go_to_the_car_whose_box_they_fill(tmp_path):
+    rows = [
+        {"image_id": 1, "category_id": 3, "segmentation": encode_mask(square(x, 10, 20)), "score": 0.9} for x in (4, 36)
+    ]
+    (tmp_path / "results.json").write_text(json.dumps(rows))
+    plain = from_coco_results(tmp_path / "results.json", FRAMES)
+    points = np.zeros((24, 3))
+    points[:, 0] = 36 + np.arange(24) % 5 * 4
+    points[:, 1] = 10 + np.arange(24) // 5 * 4
+    points[:, 2] = np.linspace(0.2, 0.9, 24)
+    points[APOLLO_24.index("front_wheel_left"), 2] = 0
+    (tmp_path / "points").mkdir()
+    (tmp_path / "points" / "000001.predictions.json").write_text(json.dumps([{"keypoints": points.ravel().tolist()}]))
+    found = with_openpifpaf(tmp_path / "points", plain)
+    left, right = found.detections
+    assert left.keypoints is None
+    assert found.keypoint_names("car") == tuple(OURS_FROM_APOLLO)
+    for i, name in enumerate(OURS_FROM_APOLLO.values()):
+        x, y, confidence = points[APOLLO_24.index(name)]
+        assert right.keypoint_scores[i] == pytest.approx(confidence)
+        if confidence > 0:
+            assert right.keypoints[i] == pytest.approx([x, y])
+
+
+def test_names_of_the_category_are_those_that_apollo_is_mapped_to():
+    from meshslam.categories import load_category
+
+    assert tuple(OURS_FROM_APOLLO) == load_category("car").keypoint_names
