@@ -10,6 +10,7 @@ from meshslam.geometry.object_model import (
     ObjectModel,
     ObjectState,
     Refined,
+    SquareRoot,
     View,
 )
 from meshslam.geometry.pose import Pose, nearest_rotation
@@ -30,6 +31,7 @@ __all__ = [
     "Pose",
     "Refined",
     "Rendering",
+    "SquareRoot",
     "View",
     "cotangent_weights",
     "exp_so3",

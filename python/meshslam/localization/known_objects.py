@@ -1,0 +1,77 @@
+"""Objects of a map, whatever their mesh's topology, ready to be compared with views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshslam.errors import MapError
+from meshslam.geometry import Camera, ObjectModel, Pose
+from meshslam.geometry.arrays import Floats, Ints
+from meshslam.maps import Map, MapObject
+
+NEAR_M = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class KnownObject:
+    """One object: its mesh is fixed, its key points are carried along as vertices of no face."""
+
+    id: int
+    category: str
+    world_from_object: Pose
+    model: ObjectModel
+    vertices: Floats  # (V, 3), in object
+    faces: Ints  # (F, 3)
+    keypoint_names: tuple[str, ...]
+    pose_covariance: Floats | None  # (6, 6), right perturbation, (translation, rotation)
+
+    def keypoint_order(self, names: tuple[str, ...]) -> list[int]:
+        """This object's number of each of a detection's key points, -1 for none."""
+        return [self.keypoint_names.index(n) if n in self.keypoint_names else -1 for n in names]
+
+    def box(self, camera: Camera, world_from_camera: Pose) -> Floats | None:
+        """Its box on the image (x0, y0, x1, y1), px, which may reach beyond it; None where it is not before the camera."""
+        corners = (world_from_camera.inverse() @ self.world_from_object).transform(self._corners())
+        if corners[:, 2].max() < NEAR_M:
+            return None
+        corners[:, 2] = np.maximum(corners[:, 2], NEAR_M)
+        pixels = camera.project(corners)
+        low, high = pixels.min(0), pixels.max(0)
+        if high[0] < 0 or high[1] < 0 or low[0] > camera.width or low[1] > camera.height:
+            return None
+        return np.concatenate([low, high])
+
+    def _corners(self) -> Floats:
+        low, high = self.vertices.min(0), self.vertices.max(0)
+        pick = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
+        return np.where(pick, high, low)
+
+
+def known_object(thing: MapObject) -> KnownObject:
+    """Make a map's object ready."""
+    names = tuple(sorted(thing.keypoints))
+    points = np.array([thing.keypoints[n] for n in names]).reshape(-1, 3)
+    vertices = np.concatenate([thing.vertices, points])
+    weights = np.zeros((len(names), len(vertices)))
+    weights[np.arange(len(names)), len(thing.vertices) + np.arange(len(names))] = 1.0
+    no_modes, no_wheels = np.zeros((0, len(vertices), 3)), np.zeros(0, np.int64)
+    model = ObjectModel(vertices, thing.faces, no_modes, None, weights, no_wheels)
+    return KnownObject(
+        thing.id,
+        thing.category,
+        thing.world_from_object,
+        model,
+        thing.vertices,
+        thing.faces,
+        names,
+        thing.pose_covariance,
+    )
+
+
+def known_objects(scene: Map) -> tuple[KnownObject, ...]:
+    """All objects of a map; MapError if it holds none."""
+    if not len(scene):
+        raise MapError("the map holds no objects: there is nothing to localize against")
+    return tuple(known_object(thing) for thing in scene.objects)
