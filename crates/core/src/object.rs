@@ -11,6 +11,7 @@ use crate::residuals::ground::{Ground, ground_rows};
 use crate::residuals::kernel::Kernel;
 use crate::residuals::keypoints::keypoint_rows;
 use crate::residuals::{Row, Rows, Term, object_derivative};
+use crate::silhouette::Silhouette;
 use crate::solve::envelope::{Envelope, reverse_cuthill_mckee};
 use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marquardt};
 use crate::template::Template;
@@ -437,10 +438,9 @@ fn view_outline(
     step_px: f64,
 ) -> Vec<OutlineSample> {
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = mesh_rect(view, &points);
-    let mut mask = vec![0; rect.area()];
-    fill_mask(&view.camera, &points, &template.topology.faces, &rect, &mut mask);
-    outline(&view.camera, &points, &template.topology, &rect, &mask, step_px)
+    let mut drawn = Silhouette::default();
+    drawn.draw(&view.camera, &points, &template.topology, 1);
+    outline(&view.camera, &points, &template.topology, &drawn.rect, &drawn.mask, step_px)
 }
 
 /// The part of the image that a mesh may cover.

@@ -37,6 +37,15 @@ class StartConfig:
 
 
 @dataclass(frozen=True)
+class SmootherConfig:
+    """The window of the fixed-lag smoother."""
+
+    lag_s: float = 2.0
+    iterations: int = 2  # a frame
+    settled_frames: int = 5  # views so old are held as linear factors
+
+
+@dataclass(frozen=True)
 class AssociationConfig:
     """Which detection shows which mapped object."""
 
@@ -58,14 +67,14 @@ class GateConfig:
 class LocalizationConfig:
     """Settings of `localize`."""
 
-    solver: Literal["smoother", "gradient"] = "smoother"
+    solver: Literal["smoother", "gradient"] = "smoother"  # gradient: the paper's, pose by pose
     imu: ImuConfig = field(default_factory=ImuConfig)
     start: StartConfig = field(default_factory=StartConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     noise: NoiseModel = field(default_factory=NoiseModel)
-    lag_s: float = 2.0  # over which the smoother holds states
-    edge_margin_px: int = 2  # a border this near to the image's edge is not the object's own
+    smoother: SmootherConfig = field(default_factory=SmootherConfig)
+    edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
     minimum_box_px: float = 20.0
     keypoint_position_sigma_m: float = 0.02  # of a map's key points
     use_map_covariance: bool = True  # objects with a covariance are estimated along, else they are fixed

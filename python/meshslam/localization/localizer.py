@@ -50,7 +50,7 @@ class Localizer:
 
     def __post_init__(self) -> None:
         self._preintegrator = Preintegrator(self.config.imu)
-        self._smoother = Smoother(self.config.imu, self.config.start, self.mounting, self.config.lag_s)
+        self._smoother = Smoother(self.config.imu, self.config.start, self.config.smoother, self.mounting)
         self._noise = replace(
             self.config.noise, keypoint_position_sigma_m=self.config.keypoint_position_sigma_m
         )
@@ -58,7 +58,6 @@ class Localizer:
         self._state: NavState | None = None
         self._covariance = np.zeros((6, 6))
         self._refusals: dict[int, int] = {}
-        self._factors: dict[int, list[SeenObject]] = {}
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
         """The first frame, whose state is known."""
@@ -114,15 +113,15 @@ class Localizer:
         matched, views = self._match(masks, place.pose)
         sightings = self._sightings(matched, views)
         kept, refused = self._agreeing(place.pose, camera_covariance, sightings)
-        self._count(refused, [matched[k].id for k in kept], frame)
+        self._count([matched[k].id for k in refused], [matched[k].id for k in kept], frame)
         for detection_id in kept:
             thing, sighting = matched[detection_id], sightings[detection_id]
             self._smoother.see(sighting.seen, thing.id, thing.world_from_object, sighting.covariance)
-            self._factors.setdefault(thing.id, []).append(sighting.seen)
         self._smoother.update()
         self._remember()
         ids = {k: matched[k].id for k in kept}
-        return FrameReport(frame, place.pose, self.path[frame], ids, tuple(sorted(refused)), has_gap)
+        gone = tuple(sorted(matched[k].id for k in refused))
+        return FrameReport(frame, place.pose, self.path[frame], ids, gone, has_gap)
 
     def _match(self, masks: FrameMasks, pose: Pose) -> tuple[dict[int, KnownObject], dict[int, View]]:
         usable = [o for o in self.objects if o.id not in self.moved]
@@ -154,7 +153,14 @@ class Localizer:
         return list(kept), refused
 
     def _count(self, refused: list[int], agreed: list[int], frame: int) -> None:
-        return None
+        """An object whose views are refused again and again was moved: what it said in the window is taken back."""
+        for number in agreed:
+            self._refusals[number] = 0
+        for number in refused:
+            self._refusals[number] = self._refusals.get(number, 0) + 1
+            if self._refusals[number] >= self.config.gate.moved_views:
+                self.moved[number] = frame
+                self._smoother.forget(number)
 
     def _remember(self) -> None:
         """Take over what the smoother now says of the frames that it holds."""
@@ -162,3 +168,4 @@ class Localizer:
             self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
         self._state = self._smoother.estimate(self._smoother.frame).state
         self._covariance = self._smoother.pose_covariance(self._smoother.frame)
+        self._smoother.close()

@@ -1,4 +1,4 @@
-"""The graph over a lag: IMU, mounting, objects (GTSAM's batch fixed-lag smoother)."""
+"""The graph over a lag: IMU, mounting, objects."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from gtsam.symbol_shorthand import B, E, O, T, V, X
 
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
-from meshslam.localization.config import ImuConfig, StartConfig
-from meshslam.localization.factors import CameraKeys, SeenObject, object_factor, place_camera
+from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
+from meshslam.localization.factors import SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
+from meshslam.localization.window import Entry, Window
 
-_ROTATION, _OFFSET = E(0), T(0)
+ROTATION, OFFSET = E(0), T(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,23 +27,23 @@ class FrameEstimate:
     world_from_camera: Pose
 
 
+@dataclass(frozen=True)
+class ViewTag:
+    """A factor that is a view: of which object, in which frame."""
+
+    number: int
+    frame: int
+
+
 class Smoother:
     """States of the last seconds; frames are numbered from 0 in the order in which they come."""
 
-    def __init__(self, imu: ImuConfig, start: StartConfig, mounting: Mounting, lag_s: float) -> None:
-        self._imu, self._start, self._mounting = imu, start, mounting
-        params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(4)
-        params.setRelativeErrorTol(1e-4)
-        params.setAbsoluteErrorTol(1e-2)
-        self._smoother = gtsam.BatchFixedLagSmoother(lag_s, params)
-        self._lag_s = lag_s
-        self._graph = gtsam.NonlinearFactorGraph()
-        self._values = gtsam.Values()
-        self._stamps: dict[int, float] = {}
+    def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
+        self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
+        self.window = Window()
         self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
         self._times: dict[int, float] = {}
-        self._objects: set[int] = set()
+        self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
         self.frame = -1
 
     def begin(self, state: NavState, rate_rad_s: Floats) -> None:
@@ -50,30 +51,27 @@ class Smoother:
         self.frame = 0
         self._insert(0, state, rate_rad_s)
         rotation, position = np.radians(self._start.rotation_sigma_deg), self._start.position_sigma_m
-        sigmas = np.array([rotation] * 3 + [position] * 3)
-        bias_sigmas = np.array(
-            [self._imu.accelerometer_bias_sigma_m_s2] * 3 + [self._imu.gyroscope_bias_sigma_rad_s] * 3
-        )
-        noise = gtsam.noiseModel
-        self._graph.addPriorPose3(X(0), to_pose3(state.world_from_imu), noise.Diagonal.Sigmas(sigmas))
-        velocity = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
-        self._graph.addPriorVector(V(0), state.velocity_in_world, velocity)
+        noise, window = gtsam.noiseModel, self.window
+        pose_noise = noise.Diagonal.Sigmas(np.array([rotation] * 3 + [position] * 3))
+        window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
+        velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
+        window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
         bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-        self._graph.addPriorConstantBias(B(0), bias, noise.Diagonal.Sigmas(bias_sigmas))
-        mounted = gtsam.Rot3(self._mounting.imu_from_camera.rotation)
-        self._values.insert(_ROTATION, mounted)
-        self._values.insert(_OFFSET, np.array([self._mounting.time_offset_s]))
-        turn = noise.Isotropic.Sigma(3, np.radians(self._imu.extrinsic_rotation_sigma_deg))
-        self._graph.addPriorRot3(_ROTATION, mounted, turn)
-        offset = noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)
-        self._graph.addPriorVector(_OFFSET, np.array([self._mounting.time_offset_s]), offset)
+        bias_sigmas = [self._imu.accelerometer_bias_sigma_m_s2] * 3 + [self._imu.gyroscope_bias_sigma_rad_s] * 3
+        window.add(gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(np.array(bias_sigmas))))
+        mounted, offset = gtsam.Rot3(self._mounting.imu_from_camera.rotation), np.array([self._mounting.time_offset_s])
+        window.values.insert(ROTATION, mounted)
+        window.values.insert(OFFSET, offset)
+        turn_noise = noise.Isotropic.Sigma(3, np.radians(self._imu.extrinsic_rotation_sigma_deg))
+        window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
+        window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
 
     def advance(self, predicted: NavState, interval: Interval) -> None:
         """The next frame, tied to the last by its IMU samples."""
         i, j = self.frame, self.frame + 1
         self.frame = j
         self._insert(j, predicted, interval.angular_rate_rad_s)
-        self._graph.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
+        self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
 
     def see(self, seen: SeenObject, number: int, world_from_object: Pose, covariance: Floats | None) -> None:
         """A view of an object in this frame; with a covariance (6, 6) its pose is estimated along."""
@@ -81,25 +79,39 @@ class Smoother:
         if covariance is not None:
             key = O(number)
             if number not in self._objects:
-                self._objects.add(number)
-                self._values.insert(key, to_pose3(world_from_object))
+                self.window.values.insert(key, to_pose3(world_from_object))
                 prior = gtsam.noiseModel.Gaussian.Covariance(to_gtsam_covariance(covariance))
-                self._graph.addPriorPose3(key, to_pose3(world_from_object), prior)
-            self._stamps[key] = self._times[self.frame]
-        self._graph.add(
-            object_factor(seen, self._camera_keys(self.frame), self._arm, self._rate(self.frame), key)
+                self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
+            self._objects[number] = self.frame
+        frame = self.frame
+        factor = object_factor(
+            seen, (X(frame), V(frame), ROTATION, OFFSET), self._arm, self._rates[frame], key
         )
+        self.window.add(factor, ViewTag(number, frame))
 
     def update(self) -> None:
         """Solve; states older than the lag become a prior."""
-        now_s = self._times[self.frame]
-        self._stamps[_ROTATION] = self._stamps[_OFFSET] = now_s
-        self._smoother.update(self._graph, self._values, self._stamps)
-        self._graph, self._values, self._stamps = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
-        for frame in [f for f, t in self._times.items() if t < now_s - self._lag_s]:
+        self.window.optimize(self._lag.iterations)
+        self.window.settle([e for e in self._views() if e.tag.frame <= self.frame - self._lag.settled_frames])
+
+    def close(self) -> None:
+        """Let states older than the lag, and objects that only they saw, become a prior."""
+        oldest = self._times[self.frame] - self._lag.lag_s
+        gone = [f for f, t in self._times.items() if t < oldest]
+        keys = {key for f in gone for key in (X(f), V(f), B(f))}
+        for frame in gone:
             del self._times[frame], self._rates[frame]
-        held = self._smoother.timestamps()
-        self._objects = {n for n in self._objects if O(n) in held}
+        unseen = [n for n, last in self._objects.items() if last not in self._times]
+        for number in unseen:
+            del self._objects[number]
+        self.window.marginalize(keys | {O(n) for n in unseen})
+
+    def forget(self, number: int) -> None:
+        """Take back all that the window's views say of an object."""
+        self.window.drop([e for e in self._views() if e.tag.number == number])
+
+    def _views(self) -> list[Entry]:
+        return [e for e in self.window.entries if isinstance(e.tag, ViewTag)]
 
     @property
     def frames(self) -> list[int]:
@@ -108,51 +120,30 @@ class Smoother:
 
     def estimate(self, frame: int) -> FrameEstimate:
         """A frame as it is now seen."""
-        held = self._smoother
-        bias = held.calculateEstimateConstantBias(B(frame))
-        state = NavState(
-            self._times[frame],
-            from_pose3(held.calculateEstimatePose3(X(frame))),
-            held.calculateEstimateVector(V(frame)),
-            bias.accelerometer(),
-            bias.gyroscope(),
-        )
+        values = self.window.values
+        bias = values.atConstantBias(B(frame))
+        pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
+        state = NavState(self._times[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
         mounting = self.mounting()
-        camera = place_camera(
-            state.world_from_imu,
-            state.velocity_in_world,
-            mounting.imu_from_camera,
-            mounting.time_offset_s,
-            self._rates[frame],
-        )
+        camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
         return FrameEstimate(state, camera.pose)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
-        turn = self._smoother.calculateEstimateRot3(_ROTATION).matrix()
-        offset_s = float(self._smoother.calculateEstimateVector(_OFFSET)[0])
-        return Mounting(Pose(turn, self._arm), offset_s)
+        values = self.window.values
+        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0]))
 
     def pose_covariance(self, frame: int) -> Floats:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
-        marginals = gtsam.Marginals(self._smoother.getFactors(), self._smoother.calculateEstimate())
-        return to_gtsam_covariance(marginals.marginalCovariance(X(frame)))
+        return to_gtsam_covariance(self.window.marginals().marginalCovariance(X(frame)))
 
     @property
     def _arm(self) -> Floats:
         return self._mounting.imu_from_camera.translation
 
-    def _rate(self, frame: int) -> Floats:
-        return self._rates[frame]
-
-    def _camera_keys(self, frame: int) -> CameraKeys:
-        return X(frame), V(frame), _ROTATION, _OFFSET
-
     def _insert(self, frame: int, state: NavState, rate_rad_s: Floats) -> None:
-        self._values.insert(X(frame), to_pose3(state.world_from_imu))
-        self._values.insert(V(frame), state.velocity_in_world)
-        bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-        self._values.insert(B(frame), bias)
+        values = self.window.values
+        values.insert(X(frame), to_pose3(state.world_from_imu))
+        values.insert(V(frame), state.velocity_in_world)
+        values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
         self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
-        for key in (X(frame), V(frame), B(frame)):
-            self._stamps[key] = state.time_s
