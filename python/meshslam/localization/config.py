@@ -14,7 +14,7 @@ class ImuConfig:
 
     gyroscope_noise: float = 1e-3  # rad/s/sqrt(Hz)
     accelerometer_noise: float = 2e-2  # m/s2/sqrt(Hz), vibration of the car included
-    gyroscope_walk: float = 1e-5  # rad/s2/sqrt(Hz)
+    gyroscope_walk: float = 3e-5  # rad/s2/sqrt(Hz)
     accelerometer_walk: float = 1e-3  # m/s3/sqrt(Hz)
     gyroscope_bias_sigma_rad_s: float = 2e-3  # at the start
     accelerometer_bias_sigma_m_s2: float = 5e-2  # at the start

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshslam.geometry import Pose, exp_so3
 from meshslam.geometry.arrays import Floats
-from meshslam.localization.factors import SeenObject
+from meshslam.localization.factors import SeenObject, small_rotation
 from meshslam.localization.gtsam_bridge import adjoint
 
 _ITERATIONS = 6
@@ -113,8 +113,7 @@ class _Problem:
 
 def _add_prior(hessian: Floats, gradient: Floats, at: int, information: Floats, mean: Pose, pose: Pose) -> float:
     """Half a squared Mahalanobis distance from a mean; the derivative of the logarithm is taken as 1."""
-    turn = mean.rotation.T @ pose.rotation
-    small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    small = small_rotation(mean.rotation.T @ pose.rotation)
     away = np.concatenate([pose.rotation.T @ (pose.translation - mean.translation), small])
     block = slice(at, at + 6)
     hessian[block, block] += information

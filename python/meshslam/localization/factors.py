@@ -6,7 +6,6 @@ T the time offset, O an object's pose, Z its modes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import gtsam
@@ -32,6 +31,28 @@ class CameraPlace:
     by_offset: Floats  # (6, 1), over T
 
 
+class CameraMemo:
+    """The camera of one frame at the last values asked for: all views of a frame ask for the same."""
+
+    def __init__(self, lever_arm_m: Floats, rate_rad_s: Floats) -> None:
+        self._arm, self._rate = lever_arm_m, rate_rad_s
+        self._at: tuple[bytes, ...] = ()
+        self._place: CameraPlace | None = None
+
+    def place(self, values: gtsam.Values, keys: CameraKeys) -> CameraPlace:
+        """The camera at these values."""
+        x, v, e, t = keys
+        pose, velocity, turn, offset = values.atPose3(x), values.atVector(v), values.atRot3(e), values.atVector(t)
+        matrix, turned = pose.matrix(), turn.matrix()
+        at = matrix.tobytes(), velocity.tobytes(), turned.tobytes(), offset.tobytes()
+        if self._place is None or at != self._at:
+            mounted = Pose(turned, self._arm)
+            world_from_imu = Pose(matrix[:3, :3], matrix[:3, 3])
+            self._at = at
+            self._place = place_camera(world_from_imu, velocity, mounted, float(offset[0]), self._rate)
+        return self._place
+
+
 def place_camera(
     world_from_imu: Pose, velocity: Floats, imu_from_camera: Pose, offset_s: float, rate_rad_s: Floats
 ) -> CameraPlace:
@@ -54,6 +75,12 @@ def place_camera(
     by_offset[:3, 0] = rotation.T @ (velocity + swing)
     by_offset[3:, 0] = imu_from_camera.rotation.T @ rate_rad_s
     return CameraPlace(pose, by_imu, by_velocity, by_rotation, by_offset)
+
+
+def small_rotation(turn: Floats) -> Floats:
+    """Axis-angle vector (3,) of a rotation near the identity, to third order."""
+    (_, a, b), (c, _, d), (e, f, _) = turn.tolist()
+    return np.array([0.5 * (f - d), 0.5 * (b - e), 0.5 * (c - a)])
 
 
 @dataclass
@@ -95,11 +122,11 @@ class SeenObject:
         at, old_z = self._at
         turn = at.rotation.T @ camera_from_object.rotation
         moved = camera_from_object.translation - at.translation
-        small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        small = small_rotation(turn)
         depth = max(float(at.translation[2]), 1.0)
         # the rotation of the relative pose moves the object's surface, about 2 m off its centre
-        moved_px = self.focal_px * (float(np.abs(moved).max()) + 2.0 * float(np.abs(small).max())) / depth
-        if moved_px > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > 0.02):
+        moved_m = max(map(abs, moved.tolist())) + 2.0 * max(map(abs, small.tolist()))
+        if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > 0.02):
             return None
         return np.concatenate([at.rotation.T @ moved, small, z - old_z])
 
@@ -107,18 +134,16 @@ class SeenObject:
 def object_factor(
     seen: SeenObject,
     camera_keys: CameraKeys,
-    lever_arm_m: Floats,
-    rate_rad_s: Floats,
+    camera_memo: CameraMemo,
     world_from_object: Pose | int,
     z: Floats | int | None = None,
 ) -> gtsam.CustomFactor:
     """A view as a factor over the camera's keys, and over the object's pose and modes where these are keys.
 
-    `rate_rad_s` (3,) is the angular rate when the frame was taken, free of bias.
+    `camera_memo` is shared by the views of a frame.
     """
     pose_is_key, modes_are_key = isinstance(world_from_object, int), isinstance(z, int)
     keys = [*camera_keys, *([world_from_object] if pose_is_key else []), *([z] if modes_are_key else [])]
-    x, v, e, t = camera_keys
     modes = seen.model.mode_count if z is not None else 0
     rows = 7 + (modes if modes_are_key else 0)
 
@@ -128,9 +153,7 @@ def object_factor(
                 for i, width in enumerate([6, 3, 3, 1, *([6] if pose_is_key else []), *([modes] if modes_are_key else [])]):
                     jacobians[i] = np.zeros((rows, width), order="F")
             return np.zeros(rows)
-        mounted = Pose(values.atRot3(e).matrix(), lever_arm_m)
-        offset_s = float(values.atVector(t)[0])
-        camera = place_camera(from_pose3(values.atPose3(x)), values.atVector(v), mounted, offset_s, rate_rad_s)
+        camera = camera_memo.place(values, camera_keys)
         placed = from_pose3(values.atPose3(world_from_object)) if isinstance(world_from_object, int) else world_from_object
         weights = values.atVector(z) if isinstance(z, int) else z
         camera_from_object = camera.pose.inverse() @ placed
@@ -148,6 +171,3 @@ def object_factor(
         return residual
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(rows), keys, error)
-
-
-ErrorFunction = Callable[[gtsam.CustomFactor, gtsam.Values, "list[Floats] | None"], Floats]

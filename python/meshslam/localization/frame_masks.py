@@ -50,11 +50,11 @@ def coarse_camera(camera: Camera) -> Camera:
 def predicted_overlaps(
     frame: FrameMasks, world_from_camera: Pose, objects: Sequence[KnownObject]
 ) -> Floats:
-    """IoU (detections, objects) of each mask with the part of each object that nearer ones leave visible."""
+    """IoU (detections, objects) of each mask with the part of each object's hull that nearer ones leave visible."""
     half = _COARSE // 2
     coarse = coarse_camera(frame.camera)
     camera_from_world = world_from_camera.inverse()
-    meshes = [(camera_from_world @ o.world_from_object, o.vertices, o.faces) for o in objects]
+    meshes = [(camera_from_world @ o.world_from_object, *o.hull) for o in objects]
     drawn = render(coarse, meshes).object_index
     sizes = np.bincount(drawn[drawn >= 0], minlength=len(objects))
     overlaps = np.zeros((len(frame.detections), len(objects)))

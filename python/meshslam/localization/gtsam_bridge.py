@@ -15,8 +15,8 @@ OURS_FROM_GTSAM = np.array([3, 4, 5, 0, 1, 2])  # it is its own inverse
 
 
 def to_pose3(pose: Pose) -> gtsam.Pose3:
-    """Our pose as GTSAM's."""
-    return gtsam.Pose3(gtsam.Rot3(pose.rotation), pose.translation)
+    """Our pose as GTSAM's; rounding that grows from product to product ends here."""
+    return gtsam.Pose3(gtsam.Rot3.ClosestTo(pose.rotation), pose.translation)
 
 
 def from_pose3(pose: gtsam.Pose3) -> Pose:

@@ -11,6 +11,7 @@ from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, exp_so3
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig
+from meshslam.localization.gtsam_bridge import from_pose3, to_pose3
 from meshslam.sequences import ImuSamples, Sequence
 
 
@@ -102,9 +103,8 @@ class Preintegrator:
 def predict(state: NavState, interval: Interval, end_s: float) -> NavState:
     """The state after an interval."""
     bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-    pose = gtsam.Pose3(gtsam.Rot3(state.world_from_imu.rotation), state.world_from_imu.translation)
-    after = interval.measurements.predict(gtsam.NavState(pose, state.velocity_in_world), bias)
-    moved = Pose(after.pose().rotation().matrix(), np.asarray(after.pose().translation(), float))
+    after = interval.measurements.predict(gtsam.NavState(to_pose3(state.world_from_imu), state.velocity_in_world), bias)
+    moved = from_pose3(after.pose())
     velocity = np.asarray(after.velocity(), float)
     return NavState(end_s, moved, velocity, state.accelerometer_bias, state.gyroscope_bias)
 

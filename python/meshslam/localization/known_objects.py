@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from meshslam.errors import MapError
 from meshslam.geometry import Camera, ObjectModel, Pose
@@ -12,6 +13,7 @@ from meshslam.geometry.arrays import Floats, Ints
 from meshslam.maps import Map, MapObject
 
 NEAR_M = 0.3
+_GRID_M = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,8 @@ class KnownObject:
     faces: Ints  # (F, 3)
     keypoint_names: tuple[str, ...]
     pose_covariance: Floats | None  # (6, 6), right perturbation, (translation, rotation)
+    corners: Floats  # (8, 3), of the mesh's bounding box
+    hull: tuple[Floats, Ints]  # vertices and faces of its convex hull, coarse: for association
 
     def keypoint_order(self, names: tuple[str, ...]) -> list[int]:
         """This object's number of each of a detection's key points, -1 for none."""
@@ -33,7 +37,7 @@ class KnownObject:
 
     def box(self, camera: Camera, world_from_camera: Pose) -> Floats | None:
         """Its box on the image (x0, y0, x1, y1), px, which may reach beyond it; None where it is not before the camera."""
-        corners = (world_from_camera.inverse() @ self.world_from_object).transform(self._corners())
+        corners = (world_from_camera.inverse() @ self.world_from_object).transform(self.corners)
         if corners[:, 2].max() < NEAR_M:
             return None
         corners[:, 2] = np.maximum(corners[:, 2], NEAR_M)
@@ -43,10 +47,25 @@ class KnownObject:
             return None
         return np.concatenate([low, high])
 
-    def _corners(self) -> Floats:
-        low, high = self.vertices.min(0), self.vertices.max(0)
-        pick = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
-        return np.where(pick, high, low)
+
+def box_corners(vertices: Floats) -> Floats:
+    """Corners (8, 3) of the vertices' bounding box."""
+    low, high = vertices.min(0), vertices.max(0)
+    pick = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
+    corners: Floats = np.where(pick, high, low)
+    return corners
+
+
+def coarse_hull(vertices: Floats) -> tuple[Floats, Ints]:
+    """The convex hull of vertices rounded to a grid: some hundred faces, turned outwards; the box if it is flat."""
+    rounded = np.unique(np.round(vertices / _GRID_M), axis=0) * _GRID_M
+    try:
+        hull = ConvexHull(rounded)
+    except QhullError:
+        corners = box_corners(vertices)
+        return corners, np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]])
+    used, faces = np.unique(hull.simplices, return_inverse=True)
+    return rounded[used], np.asarray(faces, np.int64).reshape(-1, 3)
 
 
 def known_object(thing: MapObject) -> KnownObject:
@@ -67,6 +86,8 @@ def known_object(thing: MapObject) -> KnownObject:
         thing.faces,
         names,
         thing.pose_covariance,
+        box_corners(thing.vertices),
+        coarse_hull(thing.vertices),
     )
 
 

@@ -54,7 +54,7 @@ class Localizer:
         self._noise = replace(
             self.config.noise, keypoint_position_sigma_m=self.config.keypoint_position_sigma_m
         )
-        self._views = MappingConfig(edge_margin_px=self.config.edge_margin_px)
+        self._views = MappingConfig(edge_margin_px=self.config.edge_margin_px, crop_margin=0.2)
         self._state: NavState | None = None
         self._covariance = np.zeros((6, 6))
         self._refusals: dict[int, int] = {}
@@ -112,7 +112,8 @@ class Localizer:
         masks = FrameMasks(self.camera, usable)
         matched, views = self._match(masks, place.pose)
         sightings = self._sightings(matched, views)
-        kept, refused = self._agreeing(place.pose, camera_covariance, sightings)
+        kept, refused, corrected = self._agreeing(place.pose, camera_covariance, sightings)
+        self._smoother.start_at(corrected)
         self._count([matched[k].id for k in refused], [matched[k].id for k in kept], frame)
         for detection_id in kept:
             thing, sighting = matched[detection_id], sightings[detection_id]
@@ -140,17 +141,18 @@ class Localizer:
 
     def _agreeing(
         self, pose: Pose, covariance: Floats, sightings: Mapping[int, Sighting]
-    ) -> tuple[list[int], list[int]]:
-        """Detections whose views agree with each other and the prediction; the worst is left out until all do."""
-        kept, refused = dict(sightings), []
+    ) -> tuple[list[int], list[int], Pose]:
+        """Detections whose views agree with each other and the prediction; the worst is left out until all do; the pose then."""
+        kept, refused, corrected = dict(sightings), [], pose
         while kept:
             found: Correction = correct(pose, covariance, kept)
+            corrected = found.world_from_camera
             worst = max(found.cost_shares, key=lambda k: found.cost_shares[k])
             if found.cost_shares[worst] <= self.config.gate.largest_cost:
                 break
             refused.append(worst)
             del kept[worst]
-        return list(kept), refused
+        return list(kept), refused, corrected if kept else pose
 
     def _count(self, refused: list[int], agreed: list[int], frame: int) -> None:
         """An object whose views are refused again and again was moved: what it said in the window is taken back."""

@@ -11,7 +11,7 @@ from gtsam.symbol_shorthand import B, E, O, T, V, X
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
-from meshslam.localization.factors import SeenObject, object_factor, place_camera
+from meshslam.localization.factors import CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
 from meshslam.localization.window import Entry, Window
@@ -85,7 +85,7 @@ class Smoother:
             self._objects[number] = self.frame
         frame = self.frame
         factor = object_factor(
-            seen, (X(frame), V(frame), ROTATION, OFFSET), self._arm, self._rates[frame], key
+            seen, (X(frame), V(frame), ROTATION, OFFSET), self._memo, key
         )
         self.window.add(factor, ViewTag(number, frame))
 
@@ -135,7 +135,7 @@ class Smoother:
 
     def pose_covariance(self, frame: int) -> Floats:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
-        return to_gtsam_covariance(self.window.marginals().marginalCovariance(X(frame)))
+        return to_gtsam_covariance(self.window.covariance(X(frame)))
 
     @property
     def _arm(self) -> Floats:
@@ -147,3 +147,10 @@ class Smoother:
         values.insert(V(frame), state.velocity_in_world)
         values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
         self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
+        self._memo = CameraMemo(self._arm, self._rates[frame])
+
+    def start_at(self, world_from_camera: Pose) -> None:
+        """Begin the search of the newest frame's pose where its camera is believed to be."""
+        moved = world_from_camera @ self.estimate(self.frame).world_from_camera.inverse()
+        key = X(self.frame)
+        self.window.values.update(key, to_pose3(moved @ from_pose3(self.window.values.atPose3(key))))

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-_HALVINGS = 4
+from meshslam.geometry.arrays import Floats
+
+_HALVINGS = 4  # by QR throughout: the priors' precisions span 14 decades, and Cholesky works on their squares
 
 
 @dataclass(eq=False)
@@ -31,7 +33,6 @@ class Window:
         self.values = gtsam.Values()
         self.entries: list[Entry] = []
         self.cost = 0.0
-        self._linear: gtsam.GaussianFactorGraph | None = None
 
     def add(self, factor: gtsam.NonlinearFactor, tag: object = None) -> Entry:
         """Take in a factor."""
@@ -49,8 +50,7 @@ class Window:
         graph = self._graph(self.entries)
         self.cost = graph.error(self.values)
         for _ in range(iterations):
-            self._linear = graph.linearize(self.values)
-            delta = self._linear.optimize()
+            delta = graph.linearize(self.values).optimize(gtsam.EliminateQR)
             before, accepted = self.cost, False
             for _ in range(_HALVINGS):
                 trial = self.values.retract(delta)
@@ -62,10 +62,14 @@ class Window:
             if not accepted or before - self.cost < tolerance:
                 break
 
-    def marginals(self) -> gtsam.Marginals:
-        """Covariances at the last linearization."""
-        linear = self._linear if self._linear is not None else self._graph(self.entries).linearize(self.values)
-        return gtsam.Marginals(linear, self.values)
+    def covariance(self, key: int) -> Floats:
+        """Covariance of a variable in GTSAM's tangent space."""
+        linear = self._graph(self.entries).linearize(self.values)
+        ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, [key])
+        last = linear.eliminateSequential(ordering, gtsam.EliminateQR).back()
+        inverse = np.linalg.pinv(np.asarray(last.R()))
+        found: Floats = inverse @ inverse.T
+        return found
 
     def settle(self, entries: Sequence[Entry]) -> None:
         """Hold factors as they are linearized now."""
@@ -81,7 +85,7 @@ class Window:
         touched = [entry for entry in self.entries if entry.keys & keys]
         self.entries = [entry for entry in self.entries if not entry.keys & keys]
         linear = self._graph(touched).linearize(self.values)
-        _, rest = linear.eliminatePartialMultifrontal(sorted(keys))
+        _, rest = linear.eliminatePartialMultifrontal(sorted(keys), gtsam.EliminateQR)
         for i in range(rest.size()):
             factor = rest.at(i)
             if factor is not None and factor.size():
@@ -89,7 +93,6 @@ class Window:
                 self.entries.append(Entry(held, frozenset(factor.keys())))
         for key in keys:
             self.values.erase(key)
-        self._linear = None
         return touched
 
     def _graph(self, entries: Iterable[Entry]) -> gtsam.NonlinearFactorGraph:
