@@ -14,6 +14,7 @@ from meshslam.cli.category import category_app
 from meshslam.cli.check import check
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
+from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
@@ -29,6 +30,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("map")(map_)
+app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("check")(check)
 app.command("demo")(demo)

@@ -59,9 +59,7 @@ def correct(predicted: Pose, covariance: Floats, sightings: Mapping[int, Sightin
         gain, state, (cost, hessian, gradient) = cost - found[0], trial, found
         if gain < 1e-2:
             break
-    shares = {
-        k: s.seen.cost_share(state.camera.inverse() @ state.objects[k]) for k, s in sightings.items()
-    }
+    shares = {k: s.seen.cost_share(state.camera.inverse() @ state.objects[k]) for k, s in sightings.items()}
     return Correction(state.camera, shares)
 
 

@@ -150,11 +150,15 @@ def object_factor(
     def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         if not seen.enabled:
             if jacobians is not None:
-                for i, width in enumerate([6, 3, 3, 1, *([6] if pose_is_key else []), *([modes] if modes_are_key else [])]):
+                for i, width in enumerate(
+                    [6, 3, 3, 1, *([6] if pose_is_key else []), *([modes] if modes_are_key else [])]
+                ):
                     jacobians[i] = np.zeros((rows, width), order="F")
             return np.zeros(rows)
         camera = camera_memo.place(values, camera_keys)
-        placed = from_pose3(values.atPose3(world_from_object)) if isinstance(world_from_object, int) else world_from_object
+        placed = (
+            from_pose3(values.atPose3(world_from_object)) if isinstance(world_from_object, int) else world_from_object
+        )
         weights = values.atVector(z) if isinstance(z, int) else z
         camera_from_object = camera.pose.inverse() @ placed
         by_object, residual = seen.linearize(camera_from_object, weights if modes_are_key else None)

@@ -47,9 +47,7 @@ def coarse_camera(camera: Camera) -> Camera:
     )
 
 
-def predicted_overlaps(
-    frame: FrameMasks, world_from_camera: Pose, objects: Sequence[KnownObject]
-) -> Floats:
+def predicted_overlaps(frame: FrameMasks, world_from_camera: Pose, objects: Sequence[KnownObject]) -> Floats:
     """IoU (detections, objects) of each mask with the part of each object's hull that nearer ones leave visible."""
     half = _COARSE // 2
     coarse = coarse_camera(frame.camera)
@@ -116,9 +114,7 @@ def frame_views(
             if other.id == detection.id or not _touch(other.bbox, detection.bbox):
                 continue
             blocker = matched.get(other.id)
-            nearer = (
-                depth[blocker.id] < depth[thing.id] if blocker is not None else _lowest(other) > _lowest(detection)
-            )
+            nearer = depth[blocker.id] < depth[thing.id] if blocker is not None else _lowest(other) > _lowest(detection)
             if nearer:
                 occluder |= frame.masks[other.id]
         occluder |= _drawn_before(frame.camera, world_from_camera, thing, unseen, depth, detection)

@@ -63,7 +63,9 @@ def coarse_hull(vertices: Floats) -> tuple[Floats, Ints]:
         hull = ConvexHull(rounded)
     except QhullError:
         corners = box_corners(vertices)
-        return corners, np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]])
+        return corners, np.array(
+            [[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]
+        )
     used, faces = np.unique(hull.simplices, return_inverse=True)
     return rounded[used], np.asarray(faces, np.int64).reshape(-1, 3)
 

@@ -51,9 +51,7 @@ class Localizer:
     def __post_init__(self) -> None:
         self._preintegrator = Preintegrator(self.config.imu)
         self._smoother = Smoother(self.config.imu, self.config.start, self.config.smoother, self.mounting)
-        self._noise = replace(
-            self.config.noise, keypoint_position_sigma_m=self.config.keypoint_position_sigma_m
-        )
+        self._noise = replace(self.config.noise, keypoint_position_sigma_m=self.config.keypoint_position_sigma_m)
         self._views = MappingConfig(edge_margin_px=self.config.edge_margin_px, crop_margin=0.2)
         self._state: NavState | None = None
         self._covariance = np.zeros((6, 6))
@@ -78,6 +76,11 @@ class Localizer:
         self._frame_ids.append(frame)
         covariance = self._carried(last, state, interval)
         return self._see(frame, state, interval.angular_rate_rad_s, covariance, detections, has_gap=interval.has_gap)
+
+    @property
+    def current_mounting(self) -> Mounting:
+        """How the camera is mounted, as it is now seen."""
+        return self._smoother.mounting()
 
     def _carried(self, last: NavState, state: NavState, interval: Interval) -> Floats:
         """Covariance of the predicted pose: the last one moved along, with the uncertainty of velocity and IMU."""

@@ -84,9 +84,7 @@ class Smoother:
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
         frame = self.frame
-        factor = object_factor(
-            seen, (X(frame), V(frame), ROTATION, OFFSET), self._memo, key
-        )
+        factor = object_factor(seen, (X(frame), V(frame), ROTATION, OFFSET), self._memo, key)
         self.window.add(factor, ViewTag(number, frame))
 
     def update(self) -> None:

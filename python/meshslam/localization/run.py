@@ -1,0 +1,84 @@
+"""Localization of a whole sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshslam.geometry import Pose, log_so3
+from meshslam.localization.config import LocalizationConfig
+from meshslam.localization.imu import Mounting, check_imu
+from meshslam.localization.inertial import inertial_path, start_state
+from meshslam.localization.known_objects import known_objects
+from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.maps import Map
+from meshslam.perception import DetectionSet
+from meshslam.sequences import Sequence
+
+
+@dataclass(frozen=True, eq=False)
+class Localization:
+    """The camera's path in a map, and how it came about."""
+
+    world_from_camera: tuple[Pose, ...]  # after smoothing
+    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    inertial: tuple[Pose, ...]  # by the IMU alone
+    detections: DetectionSet  # with the map's ids
+    moved: dict[int, int]  # objects that were moved since, and the frame that showed it
+    figures: dict[str, float]
+    iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # gradient solver: the path after each iteration
+
+
+def localize(
+    sequence: Sequence,
+    detections: DetectionSet,
+    scene: Map,
+    config: LocalizationConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Localization:
+    """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
+    imu, imu_from_camera = check_imu(sequence, config.imu)
+    start = start_state(sequence, imu, imu_from_camera)
+    mounting = Mounting(imu_from_camera)
+    names = {c.name: c.keypoints for c in detections.categories}
+    localizer = Localizer(sequence.camera, known_objects(scene), mounting, names, config)
+    by_frame = detections.by_frame()
+    reports: list[FrameReport] = []
+    for index, frame in enumerate(sequence.frame_ids):
+        found = by_frame.get(frame, ())
+        if index == 0:
+            reports.append(localizer.begin(frame, start, imu, found))
+        else:
+            reports.append(localizer.process(frame, float(sequence.times_s[index]), imu, found))
+        if progress is not None:
+            progress("localize", index + 1, len(sequence))
+    ids: dict[int, int | None] = {d.id: None for d in detections.detections}
+    for report in reports:
+        ids.update(report.object_of_detection)
+    return Localization(
+        tuple(localizer.path[frame] for frame in sequence.frame_ids),
+        tuple(report.corrected for report in reports),
+        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        detections.with_tracks(ids),
+        dict(localizer.moved),
+        _figures(localizer, reports, imu_from_camera),
+    )
+
+
+def _figures(localizer: Localizer, reports: list[FrameReport], imu_from_camera: Pose) -> dict[str, float]:
+    mounting = localizer.current_mounting
+    turn = imu_from_camera.rotation.T @ mounting.imu_from_camera.rotation
+    return {
+        "frames": len(reports),
+        "objects_in_map": len(localizer.objects),
+        "objects_seen": len({number for report in reports for number in report.object_of_detection.values()}),
+        "objects_moved": len(localizer.moved),
+        "views_used": sum(len(report.object_of_detection) for report in reports),
+        "views_refused": sum(len(report.refused) for report in reports),
+        "frames_without_objects": sum(not report.object_of_detection for report in reports),
+        "frames_with_imu_gap": sum(report.has_gap for report in reports),
+        "imu_time_offset_s": mounting.time_offset_s,
+        "imu_from_camera_change_deg": float(np.degrees(np.linalg.norm(log_so3(turn)))),
+    }
