@@ -43,11 +43,11 @@ def correct(predicted: Pose, covariance: Floats, sightings: Mapping[int, Sightin
 
     `covariance` (6, 6) is the predicted pose's, of (translation, rotation). Objects with a covariance move along.
     """
-    problem = _Problem(predicted, np.linalg.inv(covariance), sightings)
+    problem = _Problem(predicted, np.asarray(np.linalg.inv(covariance), float), sightings)
     state = _State(predicted, {k: s.world_from_object for k, s in sightings.items()})
     cost, hessian, gradient = problem.linearize(state)
     for _ in range(_ITERATIONS):
-        step = -np.linalg.solve(hessian, gradient)
+        step: Floats = -np.asarray(np.linalg.solve(hessian, gradient), float)
         for _ in range(_HALVINGS):
             trial = problem.moved(state, step)
             found = problem.linearize(trial)
@@ -76,7 +76,7 @@ class _Problem:
         self.column = {k: 6 + 6 * i for i, k in enumerate(free)}
         self.size = 6 + 6 * len(free)
         self.object_information = {
-            k: np.linalg.inv(s.covariance) for k, s in sightings.items() if s.covariance is not None
+            k: np.asarray(np.linalg.inv(s.covariance), float) for k, s in sightings.items() if s.covariance is not None
         }
 
     def linearize(self, state: _State) -> tuple[float, Floats, Floats]:

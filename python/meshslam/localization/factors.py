@@ -143,7 +143,8 @@ def object_factor(
     `camera_memo` is shared by the views of a frame.
     """
     pose_is_key, modes_are_key = isinstance(world_from_object, int), isinstance(z, int)
-    keys = [*camera_keys, *([world_from_object] if pose_is_key else []), *([z] if modes_are_key else [])]
+    keys = list(camera_keys)
+    keys += [key for key in (world_from_object, z) if isinstance(key, int)]
     modes = seen.model.mode_count if z is not None else 0
     rows = 7 + (modes if modes_are_key else 0)
 

@@ -42,7 +42,7 @@ def check_imu(sequence: Sequence, config: ImuConfig) -> tuple[ImuSamples, Pose]:
         raise SequenceError(f"{root}: no IMU: imu.csv in a sequence folder, oxts in KITTI raw, or --imu FILE is needed")
     if sequence.imu_from_camera is None:
         raise SequenceError(
-            f"{root}: an IMU without extrinsics: imu_from_camera (4x4) in camera.yaml, or --imu-from-camera FILE is needed"
+            f"{root}: an IMU without extrinsics: imu_from_camera (4x4) in camera.yaml, or --imu-from-camera FILE"
         )
     first, last = float(sequence.times_s[0]), float(sequence.times_s[-1])
     begins, ends = float(imu.times_s[0]), float(imu.times_s[-1])
@@ -127,7 +127,7 @@ class Mounting:
 def state_of_camera(
     time_s: float, world_from_camera: Pose, camera_velocity: Floats, rate_rad_s: Floats, imu_from_camera: Pose
 ) -> NavState:
-    """The IMU's state from the camera's pose and velocity (3,) in the world, biases zero; mind the lever arm in turns."""
+    """The IMU's state from the camera's pose and velocity (3,) in the world; biases are 0, the lever arm counts."""
     world_from_imu = world_from_camera @ imu_from_camera.inverse()
     swing = world_from_imu.rotation @ np.cross(rate_rad_s, imu_from_camera.translation)
     return NavState(time_s, world_from_imu, camera_velocity - swing, np.zeros(3), np.zeros(3))

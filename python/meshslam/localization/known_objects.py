@@ -27,16 +27,17 @@ class KnownObject:
     vertices: Floats  # (V, 3), in object
     faces: Ints  # (F, 3)
     keypoint_names: tuple[str, ...]
+    keypoints: Floats  # (K, 3), in object
     pose_covariance: Floats | None  # (6, 6), right perturbation, (translation, rotation)
     corners: Floats  # (8, 3), of the mesh's bounding box
     hull: tuple[Floats, Ints]  # vertices and faces of its convex hull, coarse: for association
 
     def keypoint_order(self, names: tuple[str, ...]) -> list[int]:
-        """This object's number of each of a detection's key points, -1 for none."""
+        """The object's number of each of a detection's key points, -1 for none."""
         return [self.keypoint_names.index(n) if n in self.keypoint_names else -1 for n in names]
 
     def box(self, camera: Camera, world_from_camera: Pose) -> Floats | None:
-        """Its box on the image (x0, y0, x1, y1), px, which may reach beyond it; None where it is not before the camera."""
+        """Its box on the image (x0, y0, x1, y1), px, perhaps beyond it; None if it is not before the camera."""
         corners = (world_from_camera.inverse() @ self.world_from_object).transform(self.corners)
         if corners[:, 2].max() < NEAR_M:
             return None
@@ -87,6 +88,7 @@ def known_object(thing: MapObject) -> KnownObject:
         thing.vertices,
         thing.faces,
         names,
+        points,
         thing.pose_covariance,
         box_corners(thing.vertices),
         coarse_hull(thing.vertices),

@@ -1,4 +1,4 @@
-"""Localization in a map of meshes, frame by frame: predict by IMU, associate, correct, gate, smooth (paper, Sec. IV-D)."""
+"""Localization in a map of meshes: predict by IMU, associate, correct, gate, smooth (paper, Sec. IV-D)."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class Localizer:
     def _agreeing(
         self, pose: Pose, covariance: Floats, sightings: Mapping[int, Sighting]
     ) -> tuple[list[int], list[int], Pose]:
-        """Detections whose views agree with each other and the prediction; the worst is left out until all do; the pose then."""
+        """Detections whose views agree, the worst left out until all do; those left out; the pose then."""
         kept, refused, corrected = dict(sightings), [], pose
         while kept:
             found: Correction = correct(pose, covariance, kept)

@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.geometry import Pose, log_so3
 from meshslam.localization.config import LocalizationConfig
+from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
@@ -43,7 +44,8 @@ def localize(
     start = start_state(sequence, imu, imu_from_camera)
     mounting = Mounting(imu_from_camera)
     names = {c.name: c.keypoints for c in detections.categories}
-    localizer = Localizer(sequence.camera, known_objects(scene), mounting, names, config)
+    kind = GradientLocalizer if config.solver == "gradient" else Localizer
+    localizer = kind(sequence.camera, known_objects(scene), mounting, names, config)
     by_frame = detections.by_frame()
     reports: list[FrameReport] = []
     for index, frame in enumerate(sequence.frame_ids):
@@ -64,10 +66,20 @@ def localize(
         detections.with_tracks(ids),
         dict(localizer.moved),
         _figures(localizer, reports, imu_from_camera),
+        _iterations(localizer) if isinstance(localizer, GradientLocalizer) else (),
     )
 
 
-def _figures(localizer: Localizer, reports: list[FrameReport], imu_from_camera: Pose) -> dict[str, float]:
+def _iterations(localizer: GradientLocalizer) -> tuple[tuple[Pose, ...], ...]:
+    """The path after 0, 1, ... iterations of every frame; a frame that has converged stays."""
+    most = max(len(steps) for steps in localizer.steps.values())
+    frames = [localizer.steps[frame] for frame in localizer.path]
+    return tuple(tuple(steps[min(k, len(steps) - 1)] for steps in frames) for k in range(most))
+
+
+def _figures(
+    localizer: Localizer | GradientLocalizer, reports: list[FrameReport], imu_from_camera: Pose
+) -> dict[str, float]:
     mounting = localizer.current_mounting
     turn = imu_from_camera.rotation.T @ mounting.imu_from_camera.rotation
     return {

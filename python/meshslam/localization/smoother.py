@@ -90,7 +90,7 @@ class Smoother:
     def update(self) -> None:
         """Solve; states older than the lag become a prior."""
         self.window.optimize(self._lag.iterations)
-        self.window.settle([e for e in self._views() if e.tag.frame <= self.frame - self._lag.settled_frames])
+        self.window.settle([e for e, tag in self._views() if tag.frame <= self.frame - self._lag.settled_frames])
 
     def close(self) -> None:
         """Let states older than the lag, and objects that only they saw, become a prior."""
@@ -106,10 +106,10 @@ class Smoother:
 
     def forget(self, number: int) -> None:
         """Take back all that the window's views say of an object."""
-        self.window.drop([e for e in self._views() if e.tag.number == number])
+        self.window.drop([e for e, tag in self._views() if tag.number == number])
 
-    def _views(self) -> list[Entry]:
-        return [e for e in self.window.entries if isinstance(e.tag, ViewTag)]
+    def _views(self) -> list[tuple[Entry, ViewTag]]:
+        return [(e, e.tag) for e in self.window.entries if isinstance(e.tag, ViewTag)]
 
     @property
     def frames(self) -> list[int]:

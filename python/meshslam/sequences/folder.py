@@ -12,8 +12,8 @@ from meshslam.errors import GeometryError, SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.imu_files import IMU_COLUMNS, read_imu
 from meshslam.sequences.images import are_numbered, frame_numbers, list_images
+from meshslam.sequences.imu_files import read_imu
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
