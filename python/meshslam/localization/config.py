@@ -64,6 +64,20 @@ class GateConfig:
 
 
 @dataclass(frozen=True)
+class SlamConfig:
+    """Settings of `slam`, beside those of localization and mapping."""
+
+    start_views: int = 5  # a track becomes an object with so many views
+    start_baseline_m: float = 3.0  # and so much way between the first and the last
+    start_box_px: float = 40.0  # and so wide a box
+    retry_views: int = 4  # after a start that failed
+    largest_cost: float = 3.0  # of a view, per independent observation
+    minimum_mask_iou: float = 0.6
+    road_sigma_m: float = 0.10
+    lag_s: float = 4.0
+
+
+@dataclass(frozen=True)
 class LocalizationConfig:
     """Settings of `localize`."""
 

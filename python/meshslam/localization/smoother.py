@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, O, T, V, X
+from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
 
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
-from meshslam.localization.factors import CameraMemo, SeenObject, object_factor, place_camera
+from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
 from meshslam.localization.window import Entry, Window
@@ -43,7 +43,9 @@ class Smoother:
         self.window = Window()
         self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
         self._times: dict[int, float] = {}
+        self._memos: dict[int, CameraMemo] = {}
         self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
+        self._shaped: set[int] = set()  # those whose modes are estimated too
         self.frame = -1
 
     def begin(self, state: NavState, rate_rad_s: Floats) -> None:
@@ -83,9 +85,54 @@ class Smoother:
                 prior = gtsam.noiseModel.Gaussian.Covariance(to_gtsam_covariance(covariance))
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
-        frame = self.frame
-        factor = object_factor(seen, (X(frame), V(frame), ROTATION, OFFSET), self._memo, key)
-        self.window.add(factor, ViewTag(number, frame))
+        factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
+        self.window.add(factor, ViewTag(number, self.frame))
+
+    def add_object(self, number: int, world_from_object: Pose, z: Floats) -> None:
+        """An object that is mapped along: its pose is free, its modes have their prior N(0, I)."""
+        values, noise = self.window.values, gtsam.noiseModel
+        values.insert(O(number), to_pose3(world_from_object))
+        values.insert(Z(number), z)
+        loose = noise.Diagonal.Sigmas(np.array([1.0] * 3 + [10.0] * 3))
+        self.window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
+        self.window.add(gtsam.PriorFactorVector(Z(number), np.zeros(len(z)), noise.Unit.Create(len(z))))
+        self._objects[number] = self.frame
+        self._shaped.add(number)
+
+    def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
+        """A view, in a frame that is held, of an object that is mapped along."""
+        keys, memo = self._camera_keys(frame), self._memos[frame]
+        self._objects[number] = max(frame, self._objects[number])
+        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), ViewTag(number, frame))
+
+    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+        """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
+        unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
+
+        def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+            x, o = this.keys()
+            eye, thing = from_pose3(values.atPose3(x)), from_pose3(values.atPose3(o))
+            if jacobians is not None:
+                up_in_imu, up_in_object = eye.rotation[2], thing.rotation[2]
+                jacobians[0] = np.asfortranarray(np.concatenate([np.cross(arm, up_in_imu), up_in_imu])[None])
+                jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
+            return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
+
+        self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+
+    def object_state(self, number: int) -> tuple[Pose, Floats]:
+        """Pose and modes of an object that is mapped along."""
+        values = self.window.values
+        return from_pose3(values.atPose3(O(number))), values.atVector(Z(number))
+
+    @property
+    def shaped_objects(self) -> list[int]:
+        """Objects in the window that are mapped along."""
+        return sorted(self._shaped)
+
+    def holds_object(self, number: int) -> bool:
+        """Whether an object is in the window."""
+        return number in self._objects
 
     def update(self) -> None:
         """Solve; states older than the lag become a prior."""
@@ -98,11 +145,13 @@ class Smoother:
         gone = [f for f, t in self._times.items() if t < oldest]
         keys = {key for f in gone for key in (X(f), V(f), B(f))}
         for frame in gone:
-            del self._times[frame], self._rates[frame]
+            del self._times[frame], self._rates[frame], self._memos[frame]
         unseen = [n for n, last in self._objects.items() if last not in self._times]
         for number in unseen:
             del self._objects[number]
-        self.window.marginalize(keys | {O(n) for n in unseen})
+        shaped = {Z(n) for n in unseen if n in self._shaped}
+        self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
+        self._shaped -= set(unseen)
 
     def forget(self, number: int) -> None:
         """Take back all that the window's views say of an object."""
@@ -135,6 +184,9 @@ class Smoother:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
         return to_gtsam_covariance(self.window.covariance(X(frame)))
 
+    def _camera_keys(self, frame: int) -> CameraKeys:
+        return X(frame), V(frame), ROTATION, OFFSET
+
     @property
     def _arm(self) -> Floats:
         return self._mounting.imu_from_camera.translation
@@ -145,7 +197,7 @@ class Smoother:
         values.insert(V(frame), state.velocity_in_world)
         values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
         self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
-        self._memo = CameraMemo(self._arm, self._rates[frame])
+        self._memos[frame] = CameraMemo(self._arm, self._rates[frame])
 
     def start_at(self, world_from_camera: Pose) -> None:
         """Begin the search of the newest frame's pose where its camera is believed to be."""
