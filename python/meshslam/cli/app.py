@@ -16,6 +16,7 @@ from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
+from meshslam.cli.slam import slam
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 app.command("map")(map_)
 app.command("localize")(localize)
+app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("check")(check)
 app.command("demo")(demo)

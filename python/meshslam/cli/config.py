@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import yaml
 
 from meshslam.errors import ConfigError
-from meshslam.localization import LocalizationConfig
+from meshslam.localization import LocalizationConfig, SlamConfig
 from meshslam.mapping import MappingConfig
 from meshslam.perception import SegmenterConfig, TrackerConfig
 
@@ -41,6 +41,7 @@ class Config:
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    slam: SlamConfig = field(default_factory=SlamConfig)
 
 
 def read_config(path: Path | None) -> Config:

@@ -10,6 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from meshslam.cli.config import Config
+    from meshslam.geometry import Pose
     from meshslam.localization import Localization
     from meshslam.maps import Map, RunDirectory
     from meshslam.sequences import Sequence
@@ -96,30 +97,38 @@ def run_localize(settings: Config, out: Path, *, overwrite: bool) -> dict[str, f
 
 def _against_truth(recording: Sequence, result: Localization, run: RunDirectory) -> dict[str, float]:
     """Figures that need truth, which is opened only now that the path is on disk."""
-    from meshslam.evaluation import evaluate_run, read_truth, trajectory_figures
+    from meshslam.evaluation import evaluate_run
+
+    paths = {"initial": result.inertial, "filtered": result.filtered}
+    paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
+    return evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
+
+
+def paths_against_truth(recording: Sequence, paths: dict[str, tuple[Pose, ...]]) -> dict[str, float]:
+    """`ate_<name>_rmse_m` of each path; empty without truth."""
+    from meshslam.evaluation import read_truth, trajectory_figures
     from meshslam.maps import Trajectory
 
-    figures = evaluate_run(recording.root, run.folder)
     truth = read_truth(recording.root).path
     if truth is None:
-        return figures
-    for name, poses in (("initial", result.inertial), ("filtered", result.filtered)):
-        found = trajectory_figures(truth, Trajectory(recording.times_s, poses))
-        figures |= {f"ate_{name}_rmse_m": value for key, value in found.items() if key == "ate_rmse_m"}
-    for k, poses in enumerate(result.iterations):
-        found = trajectory_figures(truth, Trajectory(recording.times_s, poses))
-        figures |= {f"ate_iteration_{k:02d}_rmse_m": value for key, value in found.items() if key == "ate_rmse_m"}
-    return figures
+        return {}
+    found = {name: trajectory_figures(truth, Trajectory(recording.times_s, poses)) for name, poses in paths.items()}
+    return {f"ate_{name}_rmse_m": rows["ate_rmse_m"] for name, rows in found.items() if "ate_rmse_m" in rows}
+
+
+def true_path(recording: Sequence) -> dict[str, tuple[Pose, ...]]:
+    """The true path under its name, to be drawn; empty where there is none."""
+    from meshslam.evaluation import read_truth
+
+    truth = read_truth(recording.root).path
+    return {} if truth is None else {"truth": truth.world_from_camera}
 
 
 def _save_report(
     recording: Sequence, scene: Map, result: Localization, figures: dict[str, float], run: RunDirectory
 ) -> None:
-    from meshslam.evaluation import read_truth
     from meshslam.viewing import ReportContext, write_report
 
-    truth = read_truth(recording.root).path
-    paths = {"IMU alone": result.inertial} | ({} if truth is None else {"truth": truth.world_from_camera})
     context = ReportContext(
         title=recording.name,
         camera=recording.camera,
@@ -130,6 +139,6 @@ def _save_report(
         map=scene,
         left_out=tuple((n, "was moved", f"refused from frame {f}") for n, f in sorted(result.moved.items())),
         metrics=figures,
-        other_paths=paths,
+        other_paths={"IMU alone": result.inertial} | true_path(recording),
     )
     run.save("report.html", write_report(context))

@@ -5,12 +5,14 @@ from meshslam.localization.config import (
     GateConfig,
     ImuConfig,
     LocalizationConfig,
+    SlamConfig,
     SmootherConfig,
     StartConfig,
 )
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.localizer import FrameReport, Localizer
-from meshslam.localization.run import Localization, localize
+from meshslam.localization.run import Localization, SlamPath, localize, slam_path
+from meshslam.localization.slam import Slam
 
 __all__ = [
     "AssociationConfig",
@@ -20,9 +22,13 @@ __all__ = [
     "Localization",
     "LocalizationConfig",
     "Localizer",
+    "Slam",
+    "SlamConfig",
+    "SlamPath",
     "SmootherConfig",
     "StartConfig",
     "inertial_path",
     "localize",
+    "slam_path",
     "start_state",
 ]

@@ -17,7 +17,7 @@ class ImuConfig:
     gyroscope_walk: float = 3e-5  # rad/s2/sqrt(Hz)
     accelerometer_walk: float = 1e-3  # m/s3/sqrt(Hz)
     gyroscope_bias_sigma_rad_s: float = 2e-3  # at the start
-    accelerometer_bias_sigma_m_s2: float = 5e-2  # at the start
+    accelerometer_bias_sigma_m_s2: float = 3e-2  # at the start
     gravity_m_s2: float = 9.81  # along -z of the world
     extrinsic_rotation_sigma_deg: float = 0.5  # of imu_from_camera
     time_offset_sigma_s: float = 0.02  # IMU clock minus camera clock
@@ -33,7 +33,7 @@ class StartConfig:
 
     position_sigma_m: float = 0.02
     rotation_sigma_deg: float = 0.1
-    velocity_sigma_m_s: float = 0.1
+    velocity_sigma_m_s: float = 0.03
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,9 @@ class SlamConfig:
     minimum_mask_iou: float = 0.6
     road_sigma_m: float = 0.10
     lag_s: float = 4.0
+    # without a map these are seen in turns only; looser, systematic errors of shapes move them
+    time_offset_sigma_s: float = 0.005
+    extrinsic_rotation_sigma_deg: float = 0.3
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from meshslam.categories import Category
 from meshslam.geometry import Pose, log_so3
-from meshslam.localization.config import LocalizationConfig
+from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.slam import Slam
+from meshslam.mapping import MappingConfig, category_model
 from meshslam.maps import Map
 from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
@@ -94,3 +97,53 @@ def _figures(
         "imu_time_offset_s": mounting.time_offset_s,
         "imu_from_camera_change_deg": float(np.degrees(np.linalg.norm(log_so3(turn)))),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class SlamPath:
+    """The camera's path among objects that were not known before."""
+
+    world_from_camera: tuple[Pose, ...]  # after smoothing over the lag
+    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    inertial: tuple[Pose, ...]  # by the IMU alone
+    figures: dict[str, float]
+
+
+def slam_path(
+    sequence: Sequence,
+    detections: DetectionSet,
+    category: Category,
+    config: LocalizationConfig,
+    slam: SlamConfig,
+    mapping: MappingConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> SlamPath:
+    """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
+    imu, imu_from_camera = check_imu(sequence, config.imu)
+    start, mounting = start_state(sequence, imu, imu_from_camera), Mounting(imu_from_camera)
+    names, by_frame = detections.keypoint_names(category.name), detections.by_frame()
+    height = sequence.height_above_ground_m
+    system = Slam(sequence.camera, category, category_model(category), names, mounting, height, config, slam, mapping)
+    filtered = []
+    gaps = 0
+    for index, frame in enumerate(sequence.frame_ids):
+        found = by_frame.get(frame, ())
+        if index == 0:
+            report = system.begin(frame, start, imu, found)
+        else:
+            report = system.process(frame, float(sequence.times_s[index]), imu, found)
+        filtered.append(report.world_from_camera)
+        gaps += report.has_gap
+        if progress is not None:
+            progress("slam", index + 1, len(sequence))
+    figures: dict[str, float] = {
+        "objects_in_graph": len(system.objects),
+        "tracks_moving": len(system.moving),
+        "frames_with_imu_gap": gaps,
+    }
+    return SlamPath(
+        tuple(system.path[frame] for frame in sequence.frame_ids),
+        tuple(filtered),
+        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        figures,
+    )

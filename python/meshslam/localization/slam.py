@@ -72,9 +72,14 @@ class Slam:
     moving: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self._preintegrator = Preintegrator(self.config.imu)
+        imu = replace(
+            self.config.imu,
+            time_offset_sigma_s=self.slam.time_offset_sigma_s,
+            extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
+        )
+        self._preintegrator = Preintegrator(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
-        self._smoother = Smoother(self.config.imu, self.config.start, lag, self.mounting)
+        self._smoother = Smoother(imu, self.config.start, lag, self.mounting)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
@@ -153,7 +158,10 @@ class Slam:
         sights = candidate.sights
         if len(sights) < max(self.slam.start_views, candidate.next_try):
             return False
-        if sights[-1].index != self._smoother.frame or max(s.detection.bbox[2] for s in sights) < self.slam.start_box_px:
+        if (
+            sights[-1].index != self._smoother.frame
+            or max(s.detection.bbox[2] for s in sights) < self.slam.start_box_px
+        ):
             return False
         first, last = (self.path[self._frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
         return float(np.linalg.norm(last - first)) >= self.slam.start_baseline_m
