@@ -153,4 +153,13 @@ class Template:
         velocity: _Floats,
         step_px: float,
     ) -> list[_Floats]: ...
+    def square_root(
+        self,
+        view: View,
+        model_values: _Model,
+        camera_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        modes: bool,
+    ) -> tuple[_Floats, float, float]: ...
     def mask_ious(self, views: Sequence[View], world_from_object: Sequence[_Floats], vertices: _Floats) -> _Floats: ...

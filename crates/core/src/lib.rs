@@ -5,6 +5,7 @@
 
 pub mod camera;
 pub mod error;
+pub mod factor;
 pub mod gradients;
 pub mod lie;
 pub mod losses;

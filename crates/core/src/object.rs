@@ -207,28 +207,7 @@ impl<'a> ObjectProblem<'a> {
 
     fn view_rows(&self, view: &View, state: &ObjectState, vertices: &[Vector3<f64>], rows: &mut Rows) {
         let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
-        if !view.border.is_empty() {
-            let samples = view_outline(view, &camera_from_object, vertices, self.template, self.model.outline_step_px);
-            border_rows(view, &camera_from_object, &samples, &self.model.border, rows);
-        }
-        for observation in &view.keypoints {
-            let association = &self.template.keypoints[observation.index];
-            let (position, kernel) = (self.keypoint_noise(observation.index), self.model.keypoint_kernel);
-            keypoint_rows(
-                &view.camera,
-                &camera_from_object,
-                vertices,
-                association,
-                observation,
-                position,
-                kernel,
-                rows,
-            );
-        }
-    }
-
-    fn keypoint_noise(&self, index: usize) -> PositionNoise {
-        PositionNoise { sigma_m: self.model.keypoint_position_sigma_m, views: self.keypoint_views[index] }
+        view_rows(self.template, &self.model, view, &camera_from_object, vertices, &self.keypoint_views, rows);
     }
 
     /// Cost of the priors at a state: z ~ N(0, I), d as in [`free_form_prior`].
@@ -396,6 +375,29 @@ impl Problem for ObjectProblem<'_> {
 
     fn structure(&self) -> Envelope {
         Envelope::new(self.layout.first.clone())
+    }
+}
+
+/// Rows of one view's border and key points; `keypoint_views` says in how many views each key point shares its offset.
+pub(crate) fn view_rows(
+    template: &Template,
+    model: &Model,
+    view: &View,
+    camera_from_object: &Pose,
+    vertices: &[Vector3<f64>],
+    keypoint_views: &[u32],
+    rows: &mut Rows,
+) {
+    if !view.border.is_empty() {
+        let samples = view_outline(view, camera_from_object, vertices, template, model.outline_step_px);
+        border_rows(view, camera_from_object, &samples, &model.border, rows);
+    }
+    for observation in &view.keypoints {
+        let association = &template.keypoints[observation.index];
+        let views = keypoint_views[observation.index];
+        let position = PositionNoise { sigma_m: model.keypoint_position_sigma_m, views };
+        let kernel = model.keypoint_kernel;
+        keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
     }
 }
 

@@ -1,5 +1,6 @@
 //! `template`, `view` and `object` of the core.
 
+use meshslam_core::factor;
 use meshslam_core::object::{self, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::BorderNoise;
@@ -295,6 +296,27 @@ impl Template {
         let of = |view: &&CoreView| object::border_distances(&self.inner, view, &state, step_px);
         let found: Vec<Vec<f64>> = py.detach(|| views.iter().map(of).collect());
         Ok(found.into_iter().map(|row| PyArray1::from_vec(py, row)).collect())
+    }
+
+    /// A view's cost near a relative pose: (root, cost, observations), `root` as the core has it.
+    #[allow(clippy::too_many_arguments)] // the binding of one function
+    fn square_root<'py>(
+        &self,
+        py: Python<'py>,
+        view: Bound<'py, View>,
+        model_values: ModelTuple,
+        camera_from_object: Floats2,
+        z: Floats1,
+        d: Floats1,
+        modes: bool,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, f64, f64)> {
+        let (model, pose) = (model(model_values)?, pose("camera_from_object", &camera_from_object)?);
+        let (z, d, view) = (z.as_array().to_vec(), d.as_array().to_vec(), &view.get().inner);
+        let found =
+            py.detach(|| factor::square_root(&self.inner, view, &model, &pose, &z, &d, modes)).map_err(to_python)?;
+        let width = found.columns + 1;
+        let rows: Vec<Vec<f64>> = found.root.chunks(width).map(<[f64]>::to_vec).collect();
+        Ok((PyArray2::from_vec2(py, &rows)?, found.cost, found.observations))
     }
 
     /// IoU of the drawn mesh with the observed mask: a row for each pose, a column for each view.

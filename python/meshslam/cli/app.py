@@ -15,9 +15,11 @@ from meshslam.cli.check import check
 from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
+from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
 from meshslam.cli.train_keypoints import train_keypoints
+from meshslam.cli.slam import slam
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
@@ -32,6 +34,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("map")(map_)
+app.command("localize")(localize)
+app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("convert")(convert)
 app.command("check")(check)

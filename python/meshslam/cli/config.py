@@ -10,6 +10,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import yaml
 
 from meshslam.errors import ConfigError
+from meshslam.localization import LocalizationConfig, SlamConfig
 from meshslam.mapping import MappingConfig
 from meshslam.perception import KeypointConfig, SegmenterConfig, TrackerConfig
 
@@ -26,6 +27,9 @@ class InputConfig:
     segmenter: str | None = None
     detections: str | None = None
     category: str = "car"
+    map: str | None = None  # of `localize`
+    imu: str | None = None  # CSV instead of the layout's own
+    imu_from_camera: str | None = None  # YAML or JSON, Kalibr's too
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Config:
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
+    localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    slam: SlamConfig = field(default_factory=SlamConfig)
 
 
 def read_config(path: Path | None) -> Config:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from meshslam.categories import load_category
+from meshslam.geometry import Pose
 from meshslam.mapping import Frames, Mapping
 from meshslam.maps import RunDirectory
 from meshslam.sequences import Sequence
@@ -16,6 +17,7 @@ def save_report(
     category: str,
     figures: dict[str, float],
     run: RunDirectory,
+    other_paths: dict[str, tuple[Pose, ...]] | None = None,
 ) -> None:
     """Write report.html, and recording.rrd where the Rerun SDK is installed."""
     mean = load_category(category).vertices
@@ -29,6 +31,7 @@ def save_report(
         map=mapping.map,
         left_out=tuple((row.track, row.reason, row.detail) for row in mapping.left_out),
         metrics=figures,
+        other_paths=other_paths or {},
         stages={number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()},
     )
     if can_record():

@@ -31,7 +31,7 @@ from meshslam.perception import (
     write_detections,
 )
 from meshslam.perception.model_store import find_model
-from meshslam.sequences import Sequence, camera_yaml, open_sequence
+from meshslam.sequences import Sequence, camera_yaml, open_sequence, with_imu
 
 Bars = Callable[[str, int, int], None]
 
@@ -57,7 +57,9 @@ def open_input(chosen: InputConfig) -> Sequence:
     if not chosen.sequence:
         raise SequenceError("no recording is named: give its folder, or input.sequence in the configuration")
     given = None if chosen.detections is None else Path(chosen.detections)
-    return open_sequence(chosen.sequence, chosen.layout, chosen.camera, given)
+    found = open_sequence(chosen.sequence, chosen.layout, chosen.camera, given)
+    imu, mounted = (None if path is None else Path(path) for path in (chosen.imu, chosen.imu_from_camera))
+    return found if imu is None and mounted is None else with_imu(found, imu, mounted)
 
 
 def segment_frames(recording: Sequence, config: Config, bars: Bars) -> DetectionSet:
@@ -182,18 +184,26 @@ def save(recording: Sequence, frames: Frames, mapping: Mapping, run: RunDirector
 def figures(recording: Sequence, mapping: Mapping, clock: Clock) -> dict[str, float]:
     """The run's own figures, as FORMATS names them."""
     tracks = {d.track_id for d in mapping.detections.detections if d.track_id is not None}
-    total = sum(clock.seconds.values())
     rows: dict[str, float] = {
         "objects_mapped": len(mapping.map.objects),
         "tracks": len(tracks),
         "frames": len(recording),
         **mapping.mask_ious,
+    }
+    return run_figures(rows, len(recording), clock)
+
+
+def run_figures(rows: dict[str, float], frames: int, clock: Clock) -> dict[str, float]:
+    """A run's own figures with its times and memory."""
+    total = sum(clock.seconds.values())
+    every: dict[str, float] = {
+        **rows,
         "seconds_total": total,
         **{f"seconds_{stage}": seconds for stage, seconds in clock.seconds.items()},
-        "milliseconds_per_frame": 1e3 * total / max(1, len(recording)),
+        "milliseconds_per_frame": 1e3 * total / max(1, frames),
         "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-    return {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in rows.items()}
+    return {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in every.items()}
 
 
 def metrics_json(rows: dict[str, float]) -> str:

@@ -10,6 +10,7 @@ from meshslam.geometry.object_model import (
     ObjectModel,
     ObjectState,
     Refined,
+    SquareRoot,
     View,
 )
 from meshslam.geometry.observation import (
@@ -44,6 +45,7 @@ __all__ = [
     "Pose",
     "Refined",
     "Rendering",
+    "SquareRoot",
     "View",
     "camera_points",
     "cotangent_weights",

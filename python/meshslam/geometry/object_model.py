@@ -96,6 +96,18 @@ class Refined:
     iterations: tuple[Iteration, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class SquareRoot:
+    """A view's robust cost near a relative pose: half the squared norm of `root` @ (step, 1).
+
+    The step is (translation, rotation, modes): a right perturbation of camera_from_object, and of z where asked for.
+    """
+
+    root: Floats  # (n + 1, n + 1), upper triangular
+    cost: float
+    observations: float  # how many independent ones there are
+
+
 class ObjectModel:
     """A category's mesh, shape space, symmetry and key points, ready for the solver."""
 
@@ -262,6 +274,26 @@ class ObjectModel:
                 floats(state.velocity),
                 per_vertex,
             )
+
+    def square_root(
+        self,
+        view: View,
+        noise: NoiseModel,
+        camera_from_object: Pose,
+        z: Floats | None = None,
+        *,
+        modes: bool = False,
+    ) -> SquareRoot:
+        """Linearize a view at a relative pose (the view's own pose and time are not used), with `modes` also over z.
+
+        Without z the mean shape is meant.
+        """
+        weights = np.zeros(self.mode_count) if z is None else z
+        with geometry_errors():
+            root, cost, observations = self._template.square_root(
+                view, noise.values, floats(camera_from_object.matrix), floats(weights), np.zeros(0), modes
+            )
+        return SquareRoot(root, cost, observations)
 
     def border_distances_px(self, views: Sequence[View], state: ObjectState, step_px: float) -> list[Floats]:
         """Signed distance from each border point to the outline, in the points' order, an array a view.

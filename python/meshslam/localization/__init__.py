@@ -1,1 +1,34 @@
-"""Inertial odometry, object factors, localization in a map, joint SLAM."""
+"""Inertial odometry, localization in a map of meshes, joint SLAM."""
+
+from meshslam.localization.config import (
+    AssociationConfig,
+    GateConfig,
+    ImuConfig,
+    LocalizationConfig,
+    SlamConfig,
+    SmootherConfig,
+    StartConfig,
+)
+from meshslam.localization.inertial import inertial_path, start_state
+from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.run import Localization, SlamPath, localize, slam_path
+from meshslam.localization.slam import Slam
+
+__all__ = [
+    "AssociationConfig",
+    "FrameReport",
+    "GateConfig",
+    "ImuConfig",
+    "Localization",
+    "LocalizationConfig",
+    "Localizer",
+    "Slam",
+    "SlamConfig",
+    "SlamPath",
+    "SmootherConfig",
+    "StartConfig",
+    "inertial_path",
+    "localize",
+    "slam_path",
+    "start_state",
+]

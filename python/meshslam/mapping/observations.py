@@ -102,6 +102,8 @@ def _onto_border(inner: Floats, distance_px: Floats) -> Floats:
 
 def _spread(contour_pixels: Bytes, not_own: Bytes) -> Bytes:
     """Give each pixel the mark of the contour pixel nearest to it."""
+    if not (not_own[contour_pixels == 0]).any():
+        return np.zeros_like(not_own)
     _, labels = cv2.distanceTransformWithLabels(
         contour_pixels, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )

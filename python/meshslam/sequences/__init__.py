@@ -3,6 +3,7 @@
 from meshslam.sequences.check import check_sequence
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
+from meshslam.sequences.imu_files import read_extrinsics, read_imu, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
 from meshslam.sequences.report import Problem
@@ -21,5 +22,8 @@ __all__ = [
     "check_sequence",
     "find_loader",
     "open_sequence",
+    "read_extrinsics",
+    "read_imu",
+    "with_imu",
     "write_sequence_folder",
 ]

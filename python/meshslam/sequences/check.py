@@ -15,7 +15,7 @@ from meshslam.sequences.registry import find_loader
 from meshslam.sequences.report import Problem, Report
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
-LOWEST_IMU_RATE_HZ = 20.0  # below, preintegration between frames of 10 Hz has no samples to work on
+LOWEST_IMU_RATE_HZ = 50.0  # below, preintegration between frames of 10 Hz has too few samples to work on
 LONGEST_IMU_GAP = 5.0  # in sample periods
 
 

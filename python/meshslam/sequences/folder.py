@@ -13,13 +13,13 @@ from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.images import are_numbered, frame_numbers, list_images
+from meshslam.sequences.imu_files import read_imu
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
-from meshslam.sequences.text import check_increasing, numbers_of, pose_of, read_csv, read_times, read_yaml
+from meshslam.sequences.text import numbers_of, pose_of, read_times, read_yaml
 from meshslam.sequences.tum import read_tum
 
-IMU_COLUMNS = ("timestamp", "wx", "wy", "wz", "ax", "ay", "az")
 CAMERA_KEYS = (
     "model",
     "resolution",
@@ -207,13 +207,7 @@ def _known_poses(path: Path, times_s: Floats | None, report: Report) -> tuple[Po
 
 
 def _imu(path: Path, report: Report) -> ImuSamples | None:
-    if not path.exists():
-        return None
-    table = read_csv(path, IMU_COLUMNS, report)
-    if not len(table.rows):
-        raise fail(path, "", "holds no samples")
-    check_increasing(path, table.rows[:, 0], table.lines, report)
-    return ImuSamples(table.rows[:, 0], table.rows[:, 1:4], table.rows[:, 4:7])
+    return read_imu(path, report) if path.exists() else None
 
 
 def _initial_state(path: Path, report: Report) -> InitialState | None:

@@ -16,7 +16,7 @@ from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.folder import IMU_COLUMNS
+from meshslam.sequences.imu_files import IMU_COLUMNS
 from meshslam.sequences.sequence import ImuSamples, InitialState
 from meshslam.sequences.tum import format_tum
 

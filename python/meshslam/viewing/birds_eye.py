@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ SCALE_BAR_PX = 140.0  # at most
 BAND_PX = 24.0  # below the drawing, for scale and axes
 LABELLED_INSIDE_PX = 17.0  # width of a footprint that holds its own number
 PATH_POINTS = 2000
+OTHER_COLOURS = ("#2c9f5f", "#c62f5b", "#8250df", "#9aa0a6")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,18 +54,42 @@ def make_plan(path_in_world: Floats, points_in_world: Floats) -> Plan:
     return Plan(rotation, scale, low, WIDTH_PX, height, margin)
 
 
-def birds_eye(scene_map: Map, world_from_camera: Sequence[Pose]) -> str:
-    """Draw an SVG: path from its dot to its arrow, footprints with a tick at the front, 1-sigma ellipses, a scale."""
-    path = np.array([pose.translation for pose in world_from_camera]).reshape(-1, 3)
+def birds_eye(
+    scene_map: Map,
+    world_from_camera: Sequence[Pose],
+    other_paths: Mapping[str, Sequence[Pose]] = MappingProxyType({}),
+) -> str:
+    """Draw an SVG: path from its dot to its arrow, footprints with a tick at the front, 1-sigma ellipses, a scale.
+
+    Other paths, such as truth or that of the IMU alone, are thin lines under their names.
+    """
+    path = _positions(world_from_camera)
+    others = {name: _positions(poses) for name, poses in other_paths.items()}
     corners = [footprint(thing) for thing in scene_map.objects]
     flat = np.concatenate([np.zeros((0, 2)), *corners])
-    plan = make_plan(path, np.column_stack([flat, np.zeros(len(flat))]))
+    points = np.concatenate([np.column_stack([flat, np.zeros(len(flat))]), *others.values()])
+    plan = make_plan(path, points)
     cars = "".join(_object(plan, thing, hull) for thing, hull in zip(scene_map.objects, corners, strict=True))
     size = f"{px(plan.width_px)} {px(plan.height_px + BAND_PX)}"
     return (
         f'<svg class=plan role=img aria-label="view from above" viewBox="0 0 {size}">'
-        f"{_path(plan, path)}{cars}{_scale_bar(plan)}{_axes(plan)}</svg>"
+        f"{_other_paths(plan, others)}{_path(plan, path)}{cars}{_scale_bar(plan)}{_axes(plan)}</svg>"
     )
+
+
+def _positions(poses: Sequence[Pose]) -> Floats:
+    return np.array([pose.translation for pose in poses]).reshape(-1, 3)
+
+
+def _other_paths(plan: Plan, paths: Mapping[str, Floats]) -> str:
+    """Thin lines, and a legend at the upper left."""
+    parts = []
+    for i, (name, path) in enumerate(paths.items()):
+        colour, pixels = OTHER_COLOURS[i % len(OTHER_COLOURS)], plan.pixels(path[:: len(path) // PATH_POINTS + 1])
+        parts.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.5" points="{_joined(pixels)}"/>')
+        parts.append(f'<path stroke="{colour}" stroke-width="3" d="M16,{18 + 18 * i}h22"/>')
+        parts.append(f'<text x="46" y="{22 + 18 * i}" style="text-anchor:start">{text(name)}</text>')
+    return "".join(parts)
 
 
 def footprint(thing: MapObject) -> Floats:

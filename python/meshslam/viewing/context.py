@@ -32,6 +32,7 @@ class ReportContext:
     read_image: ReadImage | None = None  # None: meshes and masks on an empty ground
     left_out: tuple[tuple[int, str, str], ...] = ()  # track, reason, detail
     metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    other_paths: Mapping[str, tuple[Pose, ...]] = field(default_factory=lambda: MappingProxyType({}))  # by name
     stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices
 
     def __post_init__(self) -> None:

@@ -26,7 +26,7 @@ def write_report(context: ReportContext) -> str:
         headline=_headline(context),
         frames=filmstrip(context, choose_frames(context)) if context.frame_ids else "",
         keypoints=keypoint_legend(context),
-        plan=birds_eye(context.map, context.world_from_camera),
+        plan=birds_eye(context.map, context.world_from_camera, context.other_paths),
         objects=objects_table(context),
         crops=_section("Category mean and instance", before_after) if before_after else "",
         left_out=_section("Tracks left out", left_out) if left_out else "",

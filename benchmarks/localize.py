@@ -1,0 +1,130 @@
+"""Localization and SLAM on KITTI 06's real IMU and path among real car models: cases, runs, independent scores.
+
+    .venv/bin/python benchmarks/localize.py [--quick] [--only NAME] [--work FOLDER]
+
+Needs the data and tools that `$MESHSLAM_DATA` names (default ../shared/data, its tools beside it).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("MESHSLAM_DATA", ROOT.parent / "shared" / "data"))
+TOOLS = DATA.parent / "tools"
+COMMAND = (sys.executable, "-m", "meshslam")
+STARTS = (100, 300, 500, 700)
+
+
+def make(case: Path, *arguments: object) -> Path:
+    """A case by the tool that is none of our code; made once."""
+    if not (case / "objects.json").is_file():
+        odometry = DATA / "kitti_odometry"
+        given = ("--poses", odometry / "poses" / "06.txt", "--times", odometry / "times_06.txt")
+        command = [sys.executable, TOOLS / "make_case.py", "localize", case, *given]
+        command += ["--imu", odometry / "imu" / "06.csv", *arguments]
+        subprocess.run([str(word) for word in command], check=True, capture_output=True)
+    return case
+
+
+def turned(case: Path, target: Path, degrees: float) -> Path:
+    """The same case with imu_from_camera turned about a skew axis."""
+    shutil.copytree(case, target, dirs_exist_ok=True)
+    camera = yaml.safe_load((target / "camera.yaml").read_text())
+    mounted = np.array(camera["imu_from_camera"])
+    axis = np.array([1.0, 1.0, 1.0]) / np.sqrt(3)
+    mounted[:3, :3] = mounted[:3, :3] @ Rotation.from_rotvec(np.radians(degrees) * axis).as_matrix()
+    camera["imu_from_camera"] = mounted.tolist()
+    (target / "camera.yaml").write_text(yaml.safe_dump(camera, default_flow_style=None))
+    return target
+
+
+def run(*arguments: object) -> dict[str, float]:
+    """A command's figures."""
+    command = [*COMMAND, *map(str, arguments), "--overwrite", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command)}: {done.stderr}")
+    figures: dict[str, float] = json.loads(done.stdout)
+    return figures
+
+
+def score(case: Path, out: Path, *flags: str) -> dict[str, dict[str, float]]:
+    """Figures by the scorer that is none of our code."""
+    command = [sys.executable, TOOLS / "score_run.py", case, out, *flags]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True)
+    found: dict[str, dict[str, float]] = json.loads(done.stdout)
+    return found
+
+
+def localization_jobs(work: Path, quick: bool) -> Iterator[tuple[str, Path, Path, tuple[str, ...]]]:
+    """Name, case, map, flags of each run of `localize`."""
+    for start in STARTS[:1] if quick else STARTS:
+        common = ("--start", start, "--frames", 70, "--cars", 6, "--seed", start)
+        clean = make(work / f"clean{start}", *common)
+        yield f"clean {start}", clean, clean / "objects.json", ()
+        yield f"gradient {start}", clean, clean / "objects.json", ("--solver", "gradient")
+        skew = turned(clean, work / f"turned{start}", 1.4)
+        yield f"turned 1.4 deg {start}", skew, skew / "objects.json", ()
+        wrong = make(work / f"wrong{start}", *common, "--wrong-ids", 0.1)
+        yield f"wrong ids {start}", wrong, wrong / "objects.json", ()
+        moved = make(work / f"moved{start}", *common, "--shift-map", 0.3)
+        yield f"moved cars {start}", moved, moved / "map_shifted.json", ()
+        other = make(work / f"pass{start}", *common, "--lateral", 1.5, "--known-poses", "--noise-seed", 9)
+        mapped = work / f"map{start}"
+        if not (mapped / "metrics.json").is_file():
+            run("map", other, "--out", mapped)
+        yield f"mapped in another pass {start}", clean, mapped, ()
+    if not quick:
+        long = make(work / "long", "--start", 0, "--frames", 1000, "--cars", 100, "--no-ids")
+        yield "1000 frames, no ids", long, long / "objects.json", ()
+
+
+def main() -> None:
+    """Run all, print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--work", type=Path, default=ROOT / "benchmarks" / "out" / "localize")
+    parser.add_argument("--quick", action="store_true", help="one start only")
+    parser.add_argument("--only", default="", help="cases whose name holds this")
+    a = parser.parse_args()
+    a.work.mkdir(parents=True, exist_ok=True)
+    print(f"{'case':32s} {'ATE m':>7s} {'rot deg':>7s} {'end %':>6s} {'IMU m':>7s} {'frames/s':>8s}  poses")
+    for name, case, scene, flags in localization_jobs(a.work, a.quick):
+        if a.only in name:
+            out = a.work / "runs" / name.replace(" ", "_")
+            figures = run("localize", case, "--map", scene, "--out", out, *flags)
+            show(name, score(case, out)["trajectory"], figures)
+    for start in STARTS[:1] if a.quick else STARTS:
+        name, case = f"slam {start}", a.work / f"clean{start}"
+        if a.only in name:
+            out = a.work / "runs" / name.replace(" ", "_")
+            figures = run("slam", case, "--out", out)
+            scores = score(case, out, "--align")
+            show(name, scores["trajectory"], figures)
+            print(f"{'':32s} voxel IoU of all, aligned: {scores['objects']['voxel_iou_mean_all']:.3f}")
+
+
+def show(name: str, path: dict[str, float], figures: dict[str, float]) -> None:
+    """One row."""
+    rate = figures["frames"] / figures["seconds_localization"]
+    poses = f"{path['poses']} of {path['of']}"
+    print(
+        f"{name:32s} {path['ate_rmse_m']:7.3f} {path['rotation_rmse_deg']:7.3f} {path['end_error_percent']:6.2f} "
+        f"{figures['ate_initial_rmse_m']:7.3f} {rate:8.1f}  {poses}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

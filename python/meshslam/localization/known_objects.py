@@ -1,0 +1,102 @@
+"""Objects of a map, whatever their mesh's topology, ready to be compared with views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from meshslam.errors import MapError
+from meshslam.geometry import Camera, ObjectModel, Pose
+from meshslam.geometry.arrays import Floats, Ints
+from meshslam.maps import Map, MapObject
+
+NEAR_M = 0.3
+_GRID_M = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class KnownObject:
+    """One object: its mesh is fixed, its key points are carried along as vertices of no face."""
+
+    id: int
+    category: str
+    world_from_object: Pose
+    model: ObjectModel
+    vertices: Floats  # (V, 3), in object
+    faces: Ints  # (F, 3)
+    keypoint_names: tuple[str, ...]
+    keypoints: Floats  # (K, 3), in object
+    pose_covariance: Floats | None  # (6, 6), right perturbation, (translation, rotation)
+    corners: Floats  # (8, 3), of the mesh's bounding box
+    hull: tuple[Floats, Ints]  # vertices and faces of its convex hull, coarse: for association
+
+    def keypoint_order(self, names: tuple[str, ...]) -> list[int]:
+        """The object's number of each of a detection's key points, -1 for none."""
+        return [self.keypoint_names.index(n) if n in self.keypoint_names else -1 for n in names]
+
+    def box(self, camera: Camera, world_from_camera: Pose) -> Floats | None:
+        """Its box on the image (x0, y0, x1, y1), px, perhaps beyond it; None if it is not before the camera."""
+        corners = (world_from_camera.inverse() @ self.world_from_object).transform(self.corners)
+        if corners[:, 2].max() < NEAR_M:
+            return None
+        corners[:, 2] = np.maximum(corners[:, 2], NEAR_M)
+        pixels = camera.project(corners)
+        low, high = pixels.min(0), pixels.max(0)
+        if high[0] < 0 or high[1] < 0 or low[0] > camera.width or low[1] > camera.height:
+            return None
+        return np.concatenate([low, high])
+
+
+def box_corners(vertices: Floats) -> Floats:
+    """Corners (8, 3) of the vertices' bounding box."""
+    low, high = vertices.min(0), vertices.max(0)
+    pick = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
+    corners: Floats = np.where(pick, high, low)
+    return corners
+
+
+def coarse_hull(vertices: Floats) -> tuple[Floats, Ints]:
+    """The convex hull of vertices rounded to a grid: some hundred faces, turned outwards; the box if it is flat."""
+    rounded = np.unique(np.round(vertices / _GRID_M), axis=0) * _GRID_M
+    try:
+        hull = ConvexHull(rounded)
+    except QhullError:
+        corners = box_corners(vertices)
+        return corners, np.array(
+            [[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]
+        )
+    used, faces = np.unique(hull.simplices, return_inverse=True)
+    return rounded[used], np.asarray(faces, np.int64).reshape(-1, 3)
+
+
+def known_object(thing: MapObject) -> KnownObject:
+    """Make a map's object ready."""
+    names = tuple(sorted(thing.keypoints))
+    points = np.array([thing.keypoints[n] for n in names]).reshape(-1, 3)
+    vertices = np.concatenate([thing.vertices, points])
+    weights = np.zeros((len(names), len(vertices)))
+    weights[np.arange(len(names)), len(thing.vertices) + np.arange(len(names))] = 1.0
+    no_modes, no_wheels = np.zeros((0, len(vertices), 3)), np.zeros(0, np.int64)
+    model = ObjectModel(vertices, thing.faces, no_modes, None, weights, no_wheels)
+    return KnownObject(
+        thing.id,
+        thing.category,
+        thing.world_from_object,
+        model,
+        thing.vertices,
+        thing.faces,
+        names,
+        points,
+        thing.pose_covariance,
+        box_corners(thing.vertices),
+        coarse_hull(thing.vertices),
+    )
+
+
+def known_objects(scene: Map) -> tuple[KnownObject, ...]:
+    """All objects of a map; MapError if it holds none."""
+    if not len(scene):
+        raise MapError("the map holds no objects: there is nothing to localize against")
+    return tuple(known_object(thing) for thing in scene.objects)

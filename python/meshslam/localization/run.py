@@ -1,0 +1,149 @@
+"""Localization of a whole sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshslam.categories import Category
+from meshslam.geometry import Pose, log_so3
+from meshslam.localization.config import LocalizationConfig, SlamConfig
+from meshslam.localization.gradient import GradientLocalizer
+from meshslam.localization.imu import Mounting, check_imu
+from meshslam.localization.inertial import inertial_path, start_state
+from meshslam.localization.known_objects import known_objects
+from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.slam import Slam
+from meshslam.mapping import MappingConfig, category_model
+from meshslam.maps import Map
+from meshslam.perception import DetectionSet
+from meshslam.sequences import Sequence
+
+
+@dataclass(frozen=True, eq=False)
+class Localization:
+    """The camera's path in a map, and how it came about."""
+
+    world_from_camera: tuple[Pose, ...]  # after smoothing
+    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    inertial: tuple[Pose, ...]  # by the IMU alone
+    detections: DetectionSet  # with the map's ids
+    moved: dict[int, int]  # objects that were moved since, and the frame that showed it
+    figures: dict[str, float]
+    iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # gradient solver: the path after each iteration
+
+
+def localize(
+    sequence: Sequence,
+    detections: DetectionSet,
+    scene: Map,
+    config: LocalizationConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Localization:
+    """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
+    imu, imu_from_camera = check_imu(sequence, config.imu)
+    start = start_state(sequence, imu, imu_from_camera)
+    mounting = Mounting(imu_from_camera)
+    names = {c.name: c.keypoints for c in detections.categories}
+    kind = GradientLocalizer if config.solver == "gradient" else Localizer
+    localizer = kind(sequence.camera, known_objects(scene), mounting, names, config)
+    by_frame = detections.by_frame()
+    reports: list[FrameReport] = []
+    for index, frame in enumerate(sequence.frame_ids):
+        found = by_frame.get(frame, ())
+        if index == 0:
+            reports.append(localizer.begin(frame, start, imu, found))
+        else:
+            reports.append(localizer.process(frame, float(sequence.times_s[index]), imu, found))
+        if progress is not None:
+            progress("localize", index + 1, len(sequence))
+    ids: dict[int, int | None] = {d.id: None for d in detections.detections}
+    for report in reports:
+        ids.update(report.object_of_detection)
+    return Localization(
+        tuple(localizer.path[frame] for frame in sequence.frame_ids),
+        tuple(report.corrected for report in reports),
+        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        detections.with_tracks(ids),
+        dict(localizer.moved),
+        _figures(localizer, reports, imu_from_camera),
+        _iterations(localizer) if isinstance(localizer, GradientLocalizer) else (),
+    )
+
+
+def _iterations(localizer: GradientLocalizer) -> tuple[tuple[Pose, ...], ...]:
+    """The path after 0, 1, ... iterations of every frame; a frame that has converged stays."""
+    most = max(len(steps) for steps in localizer.steps.values())
+    frames = [localizer.steps[frame] for frame in localizer.path]
+    return tuple(tuple(steps[min(k, len(steps) - 1)] for steps in frames) for k in range(most))
+
+
+def _figures(
+    localizer: Localizer | GradientLocalizer, reports: list[FrameReport], imu_from_camera: Pose
+) -> dict[str, float]:
+    mounting = localizer.current_mounting
+    turn = imu_from_camera.rotation.T @ mounting.imu_from_camera.rotation
+    return {
+        "frames": len(reports),
+        "objects_in_map": len(localizer.objects),
+        "objects_seen": len({number for report in reports for number in report.object_of_detection.values()}),
+        "objects_moved": len(localizer.moved),
+        "views_used": sum(len(report.object_of_detection) for report in reports),
+        "views_refused": sum(len(report.refused) for report in reports),
+        "frames_without_objects": sum(not report.object_of_detection for report in reports),
+        "frames_with_imu_gap": sum(report.has_gap for report in reports),
+        "imu_time_offset_s": mounting.time_offset_s,
+        "imu_from_camera_change_deg": float(np.degrees(np.linalg.norm(log_so3(turn)))),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class SlamPath:
+    """The camera's path among objects that were not known before."""
+
+    world_from_camera: tuple[Pose, ...]  # after smoothing over the lag
+    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    inertial: tuple[Pose, ...]  # by the IMU alone
+    figures: dict[str, float]
+
+
+def slam_path(
+    sequence: Sequence,
+    detections: DetectionSet,
+    category: Category,
+    config: LocalizationConfig,
+    slam: SlamConfig,
+    mapping: MappingConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> SlamPath:
+    """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
+    imu, imu_from_camera = check_imu(sequence, config.imu)
+    start, mounting = start_state(sequence, imu, imu_from_camera), Mounting(imu_from_camera)
+    names, by_frame = detections.keypoint_names(category.name), detections.by_frame()
+    height = sequence.height_above_ground_m
+    system = Slam(sequence.camera, category, category_model(category), names, mounting, height, config, slam, mapping)
+    filtered = []
+    gaps = 0
+    for index, frame in enumerate(sequence.frame_ids):
+        found = by_frame.get(frame, ())
+        if index == 0:
+            report = system.begin(frame, start, imu, found)
+        else:
+            report = system.process(frame, float(sequence.times_s[index]), imu, found)
+        filtered.append(report.world_from_camera)
+        gaps += report.has_gap
+        if progress is not None:
+            progress("slam", index + 1, len(sequence))
+    figures: dict[str, float] = {
+        "objects_in_graph": len(system.objects),
+        "tracks_moving": len(system.moving),
+        "frames_with_imu_gap": gaps,
+    }
+    return SlamPath(
+        tuple(system.path[frame] for frame in sequence.frame_ids),
+        tuple(filtered),
+        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        figures,
+    )

@@ -1,0 +1,206 @@
+"""The graph over a lag: IMU, mounting, objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
+
+from meshslam.geometry import Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
+from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
+from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
+from meshslam.localization.imu import Interval, Mounting, NavState
+from meshslam.localization.window import Entry, Window
+
+ROTATION, OFFSET = E(0), T(0)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEstimate:
+    """What the smoother holds of a frame."""
+
+    state: NavState
+    world_from_camera: Pose
+
+
+@dataclass(frozen=True)
+class ViewTag:
+    """A factor that is a view: of which object, in which frame."""
+
+    number: int
+    frame: int
+
+
+class Smoother:
+    """States of the last seconds; frames are numbered from 0 in the order in which they come."""
+
+    def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
+        self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
+        self.window = Window()
+        self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
+        self._times: dict[int, float] = {}
+        self._memos: dict[int, CameraMemo] = {}
+        self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
+        self._shaped: set[int] = set()  # those whose modes are estimated too
+        self.frame = -1
+
+    def begin(self, state: NavState, rate_rad_s: Floats) -> None:
+        """The first frame: its state and the mounting, each with its prior."""
+        self.frame = 0
+        self._insert(0, state, rate_rad_s)
+        rotation, position = np.radians(self._start.rotation_sigma_deg), self._start.position_sigma_m
+        noise, window = gtsam.noiseModel, self.window
+        pose_noise = noise.Diagonal.Sigmas(np.array([rotation] * 3 + [position] * 3))
+        window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
+        velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
+        window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
+        bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
+        bias_sigmas = [self._imu.accelerometer_bias_sigma_m_s2] * 3 + [self._imu.gyroscope_bias_sigma_rad_s] * 3
+        window.add(gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(np.array(bias_sigmas))))
+        mounted, offset = gtsam.Rot3(self._mounting.imu_from_camera.rotation), np.array([self._mounting.time_offset_s])
+        window.values.insert(ROTATION, mounted)
+        window.values.insert(OFFSET, offset)
+        turn_noise = noise.Isotropic.Sigma(3, np.radians(self._imu.extrinsic_rotation_sigma_deg))
+        window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
+        window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
+
+    def advance(self, predicted: NavState, interval: Interval) -> None:
+        """The next frame, tied to the last by its IMU samples."""
+        i, j = self.frame, self.frame + 1
+        self.frame = j
+        self._insert(j, predicted, interval.angular_rate_rad_s)
+        self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
+
+    def see(self, seen: SeenObject, number: int, world_from_object: Pose, covariance: Floats | None) -> None:
+        """A view of an object in this frame; with a covariance (6, 6) its pose is estimated along."""
+        key: Pose | int = world_from_object
+        if covariance is not None:
+            key = O(number)
+            if number not in self._objects:
+                self.window.values.insert(key, to_pose3(world_from_object))
+                prior = gtsam.noiseModel.Gaussian.Covariance(to_gtsam_covariance(covariance))
+                self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
+            self._objects[number] = self.frame
+        factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
+        self.window.add(factor, ViewTag(number, self.frame))
+
+    def add_object(self, number: int, world_from_object: Pose, z: Floats) -> None:
+        """An object that is mapped along: its pose is free, its modes have their prior N(0, I)."""
+        values, noise = self.window.values, gtsam.noiseModel
+        values.insert(O(number), to_pose3(world_from_object))
+        values.insert(Z(number), z)
+        loose = noise.Diagonal.Sigmas(np.array([1.0] * 3 + [10.0] * 3))
+        self.window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
+        self.window.add(gtsam.PriorFactorVector(Z(number), np.zeros(len(z)), noise.Unit.Create(len(z))))
+        self._objects[number] = self.frame
+        self._shaped.add(number)
+
+    def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
+        """A view, in a frame that is held, of an object that is mapped along."""
+        keys, memo = self._camera_keys(frame), self._memos[frame]
+        self._objects[number] = max(frame, self._objects[number])
+        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), ViewTag(number, frame))
+
+    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+        """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
+        unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
+
+        def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+            x, o = this.keys()
+            eye, thing = from_pose3(values.atPose3(x)), from_pose3(values.atPose3(o))
+            if jacobians is not None:
+                up_in_imu, up_in_object = eye.rotation[2], thing.rotation[2]
+                jacobians[0] = np.asfortranarray(np.concatenate([np.cross(arm, up_in_imu), up_in_imu])[None])
+                jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
+            return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
+
+        self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+
+    def object_state(self, number: int) -> tuple[Pose, Floats]:
+        """Pose and modes of an object that is mapped along."""
+        values = self.window.values
+        return from_pose3(values.atPose3(O(number))), values.atVector(Z(number))
+
+    @property
+    def shaped_objects(self) -> list[int]:
+        """Objects in the window that are mapped along."""
+        return sorted(self._shaped)
+
+    def holds_object(self, number: int) -> bool:
+        """Whether an object is in the window."""
+        return number in self._objects
+
+    def update(self) -> None:
+        """Solve; states older than the lag become a prior."""
+        self.window.optimize(self._lag.iterations)
+        self.window.settle([e for e, tag in self._views() if tag.frame <= self.frame - self._lag.settled_frames])
+
+    def close(self) -> None:
+        """Let states older than the lag, and objects that only they saw, become a prior."""
+        oldest = self._times[self.frame] - self._lag.lag_s
+        gone = [f for f, t in self._times.items() if t < oldest]
+        keys = {key for f in gone for key in (X(f), V(f), B(f))}
+        for frame in gone:
+            del self._times[frame], self._rates[frame], self._memos[frame]
+        unseen = [n for n, last in self._objects.items() if last not in self._times]
+        for number in unseen:
+            del self._objects[number]
+        shaped = {Z(n) for n in unseen if n in self._shaped}
+        self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
+        self._shaped -= set(unseen)
+
+    def forget(self, number: int) -> None:
+        """Take back all that the window's views say of an object."""
+        self.window.drop([e for e, tag in self._views() if tag.number == number])
+
+    def _views(self) -> list[tuple[Entry, ViewTag]]:
+        return [(e, e.tag) for e in self.window.entries if isinstance(e.tag, ViewTag)]
+
+    @property
+    def frames(self) -> list[int]:
+        """The frames that are held."""
+        return sorted(self._times)
+
+    def estimate(self, frame: int) -> FrameEstimate:
+        """A frame as it is now seen."""
+        values = self.window.values
+        bias = values.atConstantBias(B(frame))
+        pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
+        state = NavState(self._times[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
+        mounting = self.mounting()
+        camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
+        return FrameEstimate(state, camera.pose)
+
+    def mounting(self) -> Mounting:
+        """How the camera is mounted, as it is now seen."""
+        values = self.window.values
+        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0]))
+
+    def pose_covariance(self, frame: int) -> Floats:
+        """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
+        return to_gtsam_covariance(self.window.covariance(X(frame)))
+
+    def _camera_keys(self, frame: int) -> CameraKeys:
+        return X(frame), V(frame), ROTATION, OFFSET
+
+    @property
+    def _arm(self) -> Floats:
+        return self._mounting.imu_from_camera.translation
+
+    def _insert(self, frame: int, state: NavState, rate_rad_s: Floats) -> None:
+        values = self.window.values
+        values.insert(X(frame), to_pose3(state.world_from_imu))
+        values.insert(V(frame), state.velocity_in_world)
+        values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
+        self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
+        self._memos[frame] = CameraMemo(self._arm, self._rates[frame])
+
+    def start_at(self, world_from_camera: Pose) -> None:
+        """Begin the search of the newest frame's pose where its camera is believed to be."""
+        moved = world_from_camera @ self.estimate(self.frame).world_from_camera.inverse()
+        key = X(self.frame)
+        self.window.values.update(key, to_pose3(moved @ from_pose3(self.window.values.atPose3(key))))

@@ -1,0 +1,84 @@
+import json
+
+import numpy as np
+import pytest
+
+from meshslam.maps import Map
+from meshslam.sequences import camera_yaml, open_sequence
+from tests.cli.conftest import done, error_of, meshslam
+from tests.localization.conftest import IMU_FROM_CAMERA, samples_of
+
+pytestmark = pytest.mark.xdist_group("localize")
+
+
+@pytest.fixture(scope="module")
+def drive(source, tmp_path_factory):
+    """The street without poses but with an IMU beside it; its path is straight enough for a spline."""
+    from shutil import copytree
+
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    from meshslam.geometry import Pose
+
+    folder = copytree(source, tmp_path_factory.mktemp("drive") / "street")
+    sequence = open_sequence(folder)
+    times, poses = sequence.times_s, sequence.world_from_camera
+    placed = [pose @ IMU_FROM_CAMERA.inverse() for pose in poses]
+    turns = RotationSpline(times, Rotation.from_matrix([p.rotation for p in placed]))
+    places = CubicSpline(times, [p.translation for p in placed])
+    at = np.arange(times[0], times[-1] + 0.005, 0.01)
+    imu = samples_of(lambda t: Pose(turns(t).as_matrix(), places(t)), at)
+    rows = np.column_stack([imu.times_s, imu.angular_rate_rad_s, imu.specific_force_m_s2])
+    text = "\n".join(",".join(f"{x:.9f}" for x in row) for row in rows)
+    (folder / "imu.csv").write_text(f"timestamp,wx,wy,wz,ax,ay,az\n{text}\n")
+    camera = camera_yaml(sequence.camera, None, IMU_FROM_CAMERA, sequence.height_above_ground_m)
+    (folder / "camera.yaml").write_text(camera)
+    velocity = CubicSpline(times, [p.translation for p in poses])(times[0], 1)
+    start = {
+        "timestamp": float(times[0]),
+        "world_from_camera": poses[0].matrix.tolist(),
+        "velocity_in_world": velocity.tolist(),
+    }
+    (folder / "initial_state.yaml").write_text(json.dumps(start))
+    (folder / "poses.tum").rename(folder / "groundtruth.tum")
+    return folder
+
+
+def test_localize_writes_a_run(drive, tmp_path):
+    run = tmp_path / "run"
+    figures = json.loads(done("localize", drive, "--map", drive / "objects.json", "--out", run, "--json").stdout)
+    assert figures["ate_rmse_m"] < 0.1
+    assert len((run / "trajectory.tum").read_text().splitlines()) == 6
+    for name in ("detections.json", "metrics.json", "config.yaml", "report.html", "camera.yaml"):
+        assert (run / name).is_file()
+    assert not (run / "map.json").exists()
+    assert "IMU alone" in (run / "report.html").read_text()
+    again = tmp_path / "again"
+    done("localize", drive, "--map", drive / "objects.json", "--out", again)
+    assert (again / "trajectory.tum").read_bytes() == (run / "trajectory.tum").read_bytes()
+
+
+def test_truth_never_reaches_the_path(drive, tmp_path):
+    from shutil import copytree
+
+    scene = tmp_path / "known"
+    Map.load(drive / "objects.json").save(scene)
+    bare = copytree(drive, tmp_path / "bare")
+    for name in ("objects.json", "association.json", "groundtruth.tum"):
+        (bare / name).unlink()
+    done("localize", bare, "--map", scene, "--out", tmp_path / "a")
+    done("localize", drive, "--map", scene, "--out", tmp_path / "b")
+    assert (tmp_path / "a" / "trajectory.tum").read_bytes() == (tmp_path / "b" / "trajectory.tum").read_bytes()
+
+
+def test_mistakes_are_said_in_one_line(drive, street, tmp_path):
+    out = tmp_path / "run"
+    assert "no map is named" in error_of(meshslam("localize", drive, "--out", out))
+    assert "no such map" in error_of(meshslam("localize", drive, "--map", tmp_path / "none", "--out", out))
+    other = tmp_path / "map.json"
+    other.write_text(json.dumps({"format": "meshslam-map", "version": 2, "objects": []}))
+    assert "version 2" in error_of(meshslam("localize", drive, "--map", other, "--out", out))
+    assert "no IMU" in error_of(meshslam("localize", street, "--map", drive / "objects.json", "--out", out))
+    found = meshslam("localize", street, "--map", drive / "objects.json", "--imu", drive / "imu.csv", "--out", out)
+    assert "without extrinsics" in error_of(found)
