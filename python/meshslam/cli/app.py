@@ -18,8 +18,8 @@ from meshslam.cli.detect import detect
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
-from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.slam import slam
+from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 

@@ -194,6 +194,7 @@ fn view(s: &mut Source, keypoints: usize) -> View {
         border: (0..s.below(12)).map(|_| border(s)).collect(),
         keypoints: (0..s.below(4)).map(|_| seen(s)).collect(),
         border_length_px: 0.0,
+        surface_sigma_px: 0.0,
     }
 }
 
