@@ -31,7 +31,7 @@ class TrainingConfig:
     seed: int = 1
     chunks: int = 78  # of 200 samples
     held_out_chunks: int = 5
-    cycles: tuple[int, ...] = (4, 2)  # epochs of each rise and fall of the learning rate
+    cycles: tuple[int, ...] = (4, 1)  # epochs of each rise and fall of the learning rate
     batch: int = 32
     learning_rate: float = 3e-3  # at its first peak
     weight_decay: float = 1e-3
