@@ -13,7 +13,9 @@ def train_keypoints(
     seed: Annotated[int, typer.Option(help="Decides cars, scenes and weights.")] = 1,
     chunks: Annotated[int, typer.Option(help="How many times 200 samples are drawn.", min=2)] = 78,
     held_out: Annotated[int, typer.Option(help="Chunks of them that are kept for the figures.", min=1)] = 5,
-    epochs: Annotated[int, typer.Option(help="Passes over the samples.", min=1)] = 4,
+    epochs: Annotated[
+        list[int] | None, typer.Option(help="Passes over the samples, for each rise and fall of the learning rate.")
+    ] = None,
     workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
 ) -> None:
     """Train the network that finds the key points of cars, on drawn cars alone. Needs the extra `train` (PyTorch).
@@ -22,7 +24,7 @@ def train_keypoints(
 
     Example: meshslam train-keypoints --out training
     """
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from meshslam.cli.progress import progress_bars
     from meshslam.errors import ModelError
@@ -37,7 +39,8 @@ def train_keypoints(
 
     if held_out >= chunks:
         raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")
-    config = TrainingConfig(seed=seed, chunks=chunks, held_out_chunks=held_out, epochs=epochs)
+    config = TrainingConfig(seed=seed, chunks=chunks, held_out_chunks=held_out)
+    config = config if not epochs else replace(config, cycles=tuple(epochs))
     with progress_bars() as bars:
         paths = draw_samples(out / "samples", seed, chunks, workers, bars)
         learnt, kept = split(paths, config)

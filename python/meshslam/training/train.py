@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,9 +31,9 @@ class TrainingConfig:
     seed: int = 1
     chunks: int = 78  # of 200 samples
     held_out_chunks: int = 5
-    epochs: int = 4
+    cycles: tuple[int, ...] = (4, 1)  # epochs of each rise and fall of the learning rate
     batch: int = 32
-    learning_rate: float = 3e-3  # at its peak
+    learning_rate: float = 3e-3  # at its first peak
     weight_decay: float = 1e-3
     warm_up: float = 0.1  # share of the steps
 
@@ -43,14 +44,26 @@ def learn(samples: Samples, config: TrainingConfig, checkpoint: Path, report: Re
     torch.manual_seed(config.seed)
     network = KeypointNetwork()
     network.to(memory_format=torch.channels_last)
-    steps = len(samples) // config.batch
-    optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, config.learning_rate, config.epochs * steps, pct_start=config.warm_up
-    )
-    first = _resume(checkpoint, config, network, optimizer, schedule)
-    for epoch in range(first, config.epochs):
-        rng = np.random.default_rng([config.seed, epoch])
+    for number, epochs in enumerate(config.cycles):
+        _cycle(network, samples, config, (number, epochs), checkpoint, report)
+    return network
+
+
+def _cycle(
+    network: KeypointNetwork,
+    samples: Samples,
+    config: TrainingConfig,
+    cycle: tuple[int, int],
+    checkpoint: Path,
+    report: Report | None,
+) -> None:
+    """One rise and fall of the learning rate, half as high as the one before."""
+    number, epochs = cycle
+    steps, rate = len(samples) // config.batch, config.learning_rate / 2**number
+    optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=config.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, epochs * steps, pct_start=config.warm_up)
+    for epoch in range(_resume(checkpoint, config, cycle, (network, optimizer, schedule)), epochs):
+        rng = np.random.default_rng([config.seed, number, epoch])
         order = rng.permutation(len(samples))[: steps * config.batch].reshape(steps, config.batch)
         network.train()
         for step, rows in enumerate(order):
@@ -61,10 +74,9 @@ def learn(samples: Samples, config: TrainingConfig, checkpoint: Path, report: Re
             optimizer.step()
             schedule.step()
             if report:
-                report(f"epoch {epoch + 1}", step + 1, steps)
+                report(f"cycle {number + 1}, epoch {epoch + 1}", step + 1, steps)
         state = [part.state_dict() for part in (network, optimizer, schedule)]
-        _save(checkpoint, {"config": asdict(config), "epoch": epoch + 1, "state": state})
-    return network
+        _save(checkpoint, {"config": asdict(config), "cycle": number, "epoch": epoch + 1, "state": state})
 
 
 def _loss(network: KeypointNetwork, samples: Samples) -> torch.Tensor:
@@ -83,23 +95,22 @@ def _save(path: Path, state: dict[str, object]) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def _resume(
-    path: Path,
-    config: TrainingConfig,
-    network: KeypointNetwork,
-    optimizer: torch.optim.Optimizer,
-    schedule: torch.optim.lr_scheduler.LRScheduler,
-) -> int:
-    """Load a checkpoint of the same configuration; the epoch to go on with."""
-    if not path.exists():
+def _resume(path: Path, config: TrainingConfig, cycle: tuple[int, int], parts: tuple[Any, Any, Any]) -> int:
+    """Load a checkpoint of the same configuration into network, optimizer and schedule; the epoch to go on with."""
+    number, epochs = cycle
+    found: dict[str, Any] = torch.load(path, weights_only=True) if path.exists() else {"config": None}
+    if found["config"] != asdict(config) or found["cycle"] < number:
         return 0
-    found = torch.load(path, weights_only=True)
-    if found["config"] != asdict(config):
-        return 0
-    for part, state in zip((network, optimizer, schedule), found["state"], strict=True):
+    if found["cycle"] > number:
+        return epochs
+    for part, state in zip(parts, found["state"], strict=True):
         part.load_state_dict(state)
     epoch: int = found["epoch"]
     return epoch
+
+
+def _as_saved(config: TrainingConfig) -> dict[str, Any]:
+    return asdict(config)
 
 
 def evaluate(network: KeypointNetwork, samples: Samples, batch: int = 64) -> Score:

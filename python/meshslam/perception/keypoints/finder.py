@@ -37,6 +37,7 @@ class KeypointConfig:
     model: str | None = None  # an ONNX file instead of the shipped one
     category: str = "car"  # whose key points the network knows; it is asked for every vehicle
     least_box_px: float = 20.0  # of the longer side; smaller cars get none
+    edge_margin_px: float = 10.0  # nor do those that the image's edge cuts: their part is taken for a whole car
     batch: int = 8
     sigma_factor: float = 1.0  # real images over drawn ones
     threads: int = 2
@@ -99,7 +100,7 @@ def add_keypoints(
         return detections
     filled: dict[int, Detection] = {}
     for frame, found in detections.by_frame().items():
-        wanted = [d for d in found if d.category in VEHICLES and max(d.bbox[2:]) >= finder.config.least_box_px]
+        wanted = [d for d in found if d.category in VEHICLES and _whole(d, finder.config)]
         masks = {d.id: d.mask() for d in wanted}
         wanted = [d for d in wanted if masks[d.id].any()]
         if wanted:
@@ -116,6 +117,12 @@ def add_keypoints(
 def has_keypoints(detections: DetectionSet) -> bool:
     """Whether any vehicle of the set has key points."""
     return any(d.keypoints is not None for d in detections.detections if d.category in VEHICLES)
+
+
+def _whole(detection: Detection, config: KeypointConfig) -> bool:
+    """Whether a car is large enough and not cut at the left, right or lower edge of the image."""
+    (x, y, w, h), (height, width), margin = detection.bbox, detection.image_size, config.edge_margin_px
+    return max(w, h) >= config.least_box_px and x >= margin and x + w <= width - margin and y + h <= height - margin
 
 
 def _with(detection: Detection, car: CarPoints) -> Detection:
