@@ -48,7 +48,11 @@ pub fn square_root(
         check_length("free-form displacement", d.len(), template.symmetry.dimension())?;
     }
     if view.keypoints.iter().any(|k| k.index >= template.keypoints.len()) {
-        return Err(Error::Range { what: "the view's key points", expected: "those of this template", found: f64::NAN });
+        return Err(Error::Range {
+            what: "the view's key points",
+            expected: "those of this template",
+            found: f64::NAN,
+        });
     }
     let vertices = template.vertices(z, d);
     let mut rows = Rows::default();

@@ -266,9 +266,8 @@ impl Template {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, f64, f64)> {
         let (model, pose) = (model(model_values)?, pose("camera_from_object", &camera_from_object)?);
         let (z, d, view) = (z.as_array().to_vec(), d.as_array().to_vec(), &view.get().inner);
-        let found = py
-            .detach(|| factor::square_root(&self.inner, view, &model, &pose, &z, &d, modes))
-            .map_err(to_python)?;
+        let found =
+            py.detach(|| factor::square_root(&self.inner, view, &model, &pose, &z, &d, modes)).map_err(to_python)?;
         let width = found.columns + 1;
         let rows: Vec<Vec<f64>> = found.root.chunks(width).map(<[f64]>::to_vec).collect();
         Ok((PyArray2::from_vec2(py, &rows)?, found.cost, found.observations))
