@@ -13,9 +13,11 @@ from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
+from meshslam.localization.system import Frame, State, System, SystemConfig
 
 __all__ = [
     "AssociationConfig",
+    "Frame",
     "FrameReport",
     "GateConfig",
     "ImuConfig",
@@ -27,6 +29,9 @@ __all__ = [
     "SlamPath",
     "SmootherConfig",
     "StartConfig",
+    "State",
+    "System",
+    "SystemConfig",
     "inertial_path",
     "localize",
     "slam_path",

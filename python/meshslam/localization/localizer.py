@@ -16,7 +16,7 @@ from meshslam.localization.frame_masks import FrameMasks, associate, frame_views
 from meshslam.localization.gtsam_bridge import adjoint
 from meshslam.localization.imu import Interval, Mounting, NavState, Preintegrator, predict
 from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.smoother import Smoother
+from meshslam.localization.smoother import Smoother, SmootherBelief
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
@@ -81,6 +81,23 @@ class Localizer:
     def current_mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
         return self._smoother.mounting()
+
+    @property
+    def velocity_and_covariance(self) -> tuple[Floats, Floats]:
+        """The newest velocity (3,) of the IMU, and the covariance (6, 6) of its pose."""
+        assert self._state is not None
+        return self._state.velocity_in_world, self._covariance
+
+    def belief(self) -> SmootherBelief:
+        """All that is believed of the newest state; the window ends with this."""
+        return self._smoother.belief()
+
+    def resume(self, belief: SmootherBelief) -> None:
+        """Go on from what was believed."""
+        self._smoother.resume(belief)
+        self._frame_ids = [-1]
+        self._state = belief.state
+        self._covariance = self._smoother.pose_covariance(0)
 
     def _carried(self, last: NavState, state: NavState, interval: Interval) -> Floats:
         """Covariance of the predicted pose: the last one moved along, with the uncertainty of velocity and IMU."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
 
+from meshslam.errors import MapError
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
@@ -33,6 +35,45 @@ class ViewTag:
 
     number: int
     frame: int
+
+
+@dataclass(frozen=True, eq=False)
+class SmootherBelief:
+    """The newest state and the mounting with their joint information, as rows |A x - b|.
+
+    x: E (3), T (1), V (3), X (6: rotation, translation), B (6: accelerometer, gyroscope), steps from the values held.
+    """
+
+    state: NavState
+    rate_rad_s: Floats  # (3,), free of bias
+    mounting: Mounting
+    rows: Floats  # (n, 20), [A b]
+
+    def arrays(self) -> dict[str, Floats]:
+        """Plain arrays by name."""
+        s = self.state
+        return {
+            "time_s": np.array(s.time_s),
+            "world_from_imu": s.world_from_imu.matrix,
+            "velocity": s.velocity_in_world,
+            "biases": np.concatenate([s.accelerometer_bias, s.gyroscope_bias]),
+            "rate": self.rate_rad_s,
+            "imu_from_camera": self.mounting.imu_from_camera.matrix,
+            "time_offset_s": np.array(self.mounting.time_offset_s),
+            "rows": self.rows,
+        }
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, Floats]) -> SmootherBelief:
+        """The reverse of `arrays`; MapError names what is missing."""
+        try:
+            biases = arrays["biases"]
+            pose, mounted = Pose.from_matrix(arrays["world_from_imu"]), Pose.from_matrix(arrays["imu_from_camera"])
+            state = NavState(float(arrays["time_s"]), pose, arrays["velocity"], biases[:3], biases[3:])
+            mounting = Mounting(mounted, float(arrays["time_offset_s"]))
+            return SmootherBelief(state, arrays["rate"], mounting, arrays["rows"])
+        except KeyError as error:
+            raise MapError(f"a saved system lacks {error}") from None
 
 
 class Smoother:
@@ -152,6 +193,31 @@ class Smoother:
         shaped = {Z(n) for n in unseen if n in self._shaped}
         self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
         self._shaped -= set(unseen)
+
+    def belief(self) -> SmootherBelief:
+        """Take all but the newest state and the mounting out; what the others said stays."""
+        newest = self.frame
+        keep = [ROTATION, OFFSET, V(newest), X(newest), B(newest)]
+        held = set(self.window.values.keys())
+        self.window.marginalize(held - set(keep))
+        ordering = gtsam.Ordering()
+        for key in keep:
+            ordering.push_back(key)
+        rows = np.asarray(self.window.linearized().augmentedJacobian(ordering))
+        estimate = self.estimate(newest)
+        for frame in [f for f in self._times if f != newest]:
+            del self._times[frame], self._rates[frame], self._memos[frame]
+        self._objects, self._shaped = {}, set()
+        return SmootherBelief(estimate.state, self._rates[newest], self.mounting(), rows)
+
+    def resume(self, belief: SmootherBelief) -> None:
+        """Begin with a belief as the only prior."""
+        self.frame, self._mounting = 0, belief.mounting
+        values = self.window.values
+        values.insert(ROTATION, gtsam.Rot3.ClosestTo(belief.mounting.imu_from_camera.rotation))
+        values.insert(OFFSET, np.array([belief.mounting.time_offset_s]))
+        self._insert(0, belief.state, belief.rate_rad_s + belief.state.gyroscope_bias)
+        self.window.add_rows([(ROTATION, 3), (OFFSET, 1), (V(0), 3), (X(0), 6), (B(0), 6)], belief.rows)
 
     def forget(self, number: int) -> None:
         """Take back all that the window's views say of an object."""

@@ -95,6 +95,29 @@ class Window:
             self.values.erase(key)
         return touched
 
+    def linearized(self) -> gtsam.GaussianFactorGraph:
+        """All factors, linearized at the values."""
+        return self._graph(self.entries).linearize(self.values)
+
+    def add_rows(self, keys: Sequence[tuple[int, int]], rows: Floats) -> None:
+        """Take in |A x - b| over (key, width) in this order, x being steps from the values held; `rows` is [A b]."""
+        start, blocks = 0, []
+        for _, width in keys:
+            blocks.append(np.asfortranarray(rows[:, start : start + width]))
+            start += width
+        residual = -rows[:, -1]
+
+        def error(_: gtsam.CustomFactor, _values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+            if jacobians is not None:
+                for i, block in enumerate(blocks):
+                    jacobians[i] = block
+            return residual
+
+        names = [key for key, _ in keys]
+        unit = gtsam.noiseModel.Unit.Create(len(rows))
+        linear = gtsam.CustomFactor(unit, names, error).linearize(self.values)
+        self.add(gtsam.LinearContainerFactor(linear, self._subset(frozenset(names))))
+
     def _graph(self, entries: Iterable[Entry]) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph()
         for entry in entries:

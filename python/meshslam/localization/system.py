@@ -1,0 +1,145 @@
+"""Localization as a robot uses it: frames with their IMU samples in, states out; saved and loaded as a whole."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshslam.errors import MapError, SequenceError
+from meshslam.geometry import Camera, Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.localization.config import LocalizationConfig
+from meshslam.localization.imu import Mounting, rate_at, state_of_camera
+from meshslam.localization.known_objects import known_objects
+from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.smoother import SmootherBelief
+from meshslam.maps import Map
+from meshslam.maps.atomic import write_atomically
+from meshslam.perception import Detection
+from meshslam.sequences import ImuSamples, InitialState
+
+FORMAT = "meshslam-system-1"
+
+
+@dataclass(frozen=True, eq=False)
+class SystemConfig:
+    """What a system is told once."""
+
+    camera: Camera
+    imu_from_camera: Pose
+    scene: Map
+    start: InitialState
+    keypoint_names: dict[str, tuple[str, ...]]  # by category, in the order of the detections
+    localization: LocalizationConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One image's detections."""
+
+    number: int
+    time_s: float
+    detections: Sequence[Detection]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where the camera is."""
+
+    time_s: float
+    world_from_camera: Pose
+    velocity_in_world: Floats  # (3,), of the IMU, m/s
+    covariance: Floats  # (6, 6) of world_from_imu, right perturbation, (translation, rotation)
+    objects: tuple[int, ...]  # of the map, seen in this frame
+    moved: tuple[int, ...]  # objects that were found moved so far
+
+
+class System:
+    """The camera in a known map, frame by frame."""
+
+    def __init__(self, config: SystemConfig) -> None:
+        self._config = config
+        self._localizer = Localizer(
+            config.camera,
+            known_objects(config.scene),
+            Mounting(config.imu_from_camera),
+            config.keypoint_names,
+            config.localization,
+        )
+        self._imu: ImuSamples | None = None
+        self._last_s: float | None = None
+
+    def process(self, frame: Frame, imu_samples: ImuSamples) -> State:
+        """Take the next frame with the IMU samples since the last one; SequenceError if time does not go on."""
+        if self._last_s is not None and frame.time_s <= self._last_s:
+            raise SequenceError(
+                f"frame {frame.number}: its time {frame.time_s:.6f} s is not after {self._last_s:.6f} s"
+            )
+        imu = self._joined(imu_samples)
+        detections = tuple(frame.detections)
+        if self._last_s is None:
+            given, mounted = self._config.start, self._config.imu_from_camera
+            rate = rate_at(imu, frame.time_s)
+            state = state_of_camera(frame.time_s, given.world_from_camera, given.velocity_in_world, rate, mounted)
+            report = self._localizer.begin(frame.number, state, imu, detections)
+        else:
+            report = self._localizer.process(frame.number, frame.time_s, imu, detections)
+        self._last_s = frame.time_s
+        keep = imu.times_s >= frame.time_s - 0.1
+        self._imu = ImuSamples(imu.times_s[keep], imu.angular_rate_rad_s[keep], imu.specific_force_m_s2[keep])
+        return self._state(frame, report)
+
+    def save(self, path: Path) -> None:
+        """Write all that is believed now (.npz): the newest state with its joint covariance, and which objects moved.
+
+        The smoothing of the last seconds ends here; what they say of the newest state is kept.
+        """
+        if self._last_s is None or self._imu is None:
+            raise SequenceError("nothing to save: no frame was processed yet")
+        belief = self._localizer.belief()
+        moved = np.array(sorted(self._localizer.moved.items()), np.int64).reshape(-1, 2)
+        imu = np.column_stack([self._imu.times_s, self._imu.angular_rate_rad_s, self._imu.specific_force_m_s2])
+        arrays: dict[str, Any] = {"format": np.array(FORMAT), "imu": imu, "moved": moved, **belief.arrays()}
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        write_atomically(Path(path), buffer.getvalue())
+
+    @staticmethod
+    def load(path: Path, config: SystemConfig) -> System:
+        """Go on where `save` ended; MapError if the file is none of its."""
+        try:
+            with np.load(Path(path), allow_pickle=False) as archive:
+                arrays = {key: archive[key] for key in archive.files}
+            right = str(arrays.pop("format")) == FORMAT
+        except (OSError, ValueError, KeyError) as error:
+            raise MapError(f"{path}: cannot be read as a saved system: {error}") from None
+        if not right:
+            raise MapError(f"{path}: was saved by another version, expected {FORMAT}")
+        system, imu = System(config), arrays.pop("imu")
+        system._imu = ImuSamples(imu[:, 0], imu[:, 1:4], imu[:, 4:])
+        system._localizer.moved = {int(n): int(f) for n, f in arrays.pop("moved")}
+        belief = SmootherBelief.from_arrays(arrays)
+        system._last_s = belief.state.time_s
+        system._localizer.resume(belief)
+        return system
+
+    def _joined(self, more: ImuSamples) -> ImuSamples:
+        if self._imu is None:
+            return more
+        new = more.times_s > (self._imu.times_s[-1] if len(self._imu.times_s) else -np.inf)
+        return ImuSamples(
+            np.concatenate([self._imu.times_s, more.times_s[new]]),
+            np.concatenate([self._imu.angular_rate_rad_s, more.angular_rate_rad_s[new]]),
+            np.concatenate([self._imu.specific_force_m_s2, more.specific_force_m_s2[new]]),
+        )
+
+    def _state(self, frame: Frame, report: FrameReport) -> State:
+        velocity, covariance = self._localizer.velocity_and_covariance
+        seen = tuple(sorted(report.object_of_detection.values()))
+        moved = tuple(sorted(self._localizer.moved))
+        return State(frame.time_s, report.corrected, velocity, covariance, seen, moved)
