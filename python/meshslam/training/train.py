@@ -31,7 +31,7 @@ class TrainingConfig:
     seed: int = 1
     chunks: int = 78  # of 200 samples
     held_out_chunks: int = 5
-    cycles: tuple[int, ...] = (4, 1)  # epochs of each rise and fall of the learning rate
+    cycles: tuple[int, ...] = (4,)  # epochs of each rise and fall of the learning rate
     batch: int = 32
     learning_rate: float = 3e-3  # at its first peak
     weight_decay: float = 1e-3
@@ -63,7 +63,7 @@ def _cycle(
     optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, epochs * steps, pct_start=config.warm_up)
     for epoch in range(_resume(checkpoint, config, cycle, (network, optimizer, schedule)), epochs):
-        rng = np.random.default_rng([config.seed, number, epoch])
+        rng = np.random.default_rng([config.seed, sum(config.cycles[:number]) + epoch])
         order = rng.permutation(len(samples))[: steps * config.batch].reshape(steps, config.batch)
         network.train()
         for step, rows in enumerate(order):
