@@ -155,7 +155,7 @@ def imu_folder(tmp_path, times_s, poses=None):
 @pytest.mark.parametrize(
     ("times_s", "where", "what"),
     [
-        (np.arange(-1, 6) * 0.1, "rate", "10.0 Hz, at least 20 Hz"),
+        (np.arange(-1, 6) * 0.1, "rate", "10.0 Hz, at least 50 Hz"),
         (np.arange(0, 20) * 0.01, "overlap", "do not cover the frames from 0.000 s to 0.400 s"),
         (np.r_[np.arange(0, 10) * 0.01, np.arange(20, 50) * 0.01], "rate", "no samples between 0.090 s and 0.200 s"),
     ],

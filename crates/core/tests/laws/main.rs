@@ -4,6 +4,7 @@
 mod camera;
 mod common;
 mod envelope;
+mod factor;
 mod kernel;
 mod levenberg_marquardt;
 mod lie;
