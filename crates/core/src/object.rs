@@ -1,22 +1,26 @@
 //! One object from its views: pose, modes and free-form shape by Levenberg–Marquardt.
 
-use nalgebra::{Matrix6, Vector3, Vector6};
+mod layout;
+mod uncertainty;
+mod views;
+
+use nalgebra::{Vector3, Vector6};
 
 use crate::error::{Result, check_length};
 use crate::lie::{Pose, hat};
-use crate::outline::{OutlineSample, contour_samples, outline};
-use crate::raster::{Rect, fill_mask};
-use crate::residuals::border::{BorderNoise, border_rows};
+use crate::residuals::border::BorderNoise;
 use crate::residuals::ground::{Ground, ground_rows};
 use crate::residuals::kernel::Kernel;
-use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
 use crate::residuals::normal::VertexNormal;
 use crate::residuals::{Row, Rows, Term, object_derivative};
-use crate::silhouette::Silhouette;
-use crate::solve::envelope::{Envelope, reverse_cuthill_mckee};
+use crate::solve::envelope::Envelope;
 use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marquardt};
 use crate::template::Template;
 use crate::view::View;
+use layout::{Layout, free_form_prior, multiply};
+pub use uncertainty::{Uncertainty, uncertainty};
+pub(crate) use views::view_rows;
+pub use views::{border_distances, mask_iou};
 
 /// An object: where it is and what it looks like.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,75 +91,6 @@ pub struct ObjectProblem<'a> {
     layout: Layout,
     free_form_prior: Option<Envelope>,
     keypoint_views: Vec<u32>,
-}
-
-/// Where each parameter stands in the normal equations: free-form first, in an order that keeps neighbours together, then pose, modes, velocity.
-struct Layout {
-    position: Vec<usize>,
-    first: Vec<usize>,
-    free_form: usize,
-    dense: usize,
-}
-
-impl Layout {
-    fn new(template: &Template, scope: Scope) -> Self {
-        let dense = 6 + if scope.modes { template.mode_count } else { 0 } + if scope.velocity { 3 } else { 0 };
-        if !scope.free_form {
-            return Self { position: Vec::new(), first: vec![0; dense], free_form: 0, dense };
-        }
-        let symmetry = &template.symmetry;
-        let (mut coupled, in_contact) = (coupled_blocks(template), contact_blocks(template));
-        let mut order = reverse_cuthill_mckee(&coupled);
-        order.sort_by_key(|block| in_contact.contains(block)); // stable: wheels touch each other through the ground, so they come last
-        in_contact.iter().for_each(|&block| coupled[block as usize].extend(&in_contact));
-        let mut position = vec![0; symmetry.dimension()];
-        let mut block_start = vec![0; coupled.len()];
-        let mut next = 0;
-        for block in order {
-            let block = block as usize;
-            block_start[block] = next;
-            for at in &mut position[symmetry.offset[block]..symmetry.offset[block + 1]] {
-                *at = next;
-                next += 1;
-            }
-        }
-        let mut first = vec![0; next + dense];
-        for (block, others) in coupled.iter().enumerate() {
-            let earliest = others.iter().map(|&b| block_start[b as usize]).fold(block_start[block], usize::min);
-            for dof in symmetry.offset[block]..symmetry.offset[block + 1] {
-                first[position[dof]] = earliest;
-            }
-        }
-        Self { position, first, free_form: next, dense }
-    }
-}
-
-/// Free-form blocks of the vertices that touch the ground.
-fn contact_blocks(template: &Template) -> Vec<u32> {
-    let vertices = template.contacts.iter().flat_map(|contact| &contact.weights);
-    let mut blocks: Vec<u32> = vertices.map(|&(v, _)| template.symmetry.block_of[v as usize]).collect();
-    blocks.sort_unstable();
-    blocks.dedup();
-    blocks
-}
-
-/// Free-form blocks that share a row: a vertex's neighbours through the Laplacian, a key point's vertices.
-fn coupled_blocks(template: &Template) -> Vec<Vec<u32>> {
-    let symmetry = &template.symmetry;
-    let mut coupled = vec![Vec::new(); symmetry.representative.len()];
-    let around = template.laplacian.iter().enumerate().map(|(block, row)| (Some(block as u32), row));
-    let keypoints = template.keypoints.iter().map(|association| (None, association));
-    for (block, row) in around.chain(keypoints) {
-        let members: Vec<u32> = row.iter().map(|&(v, _)| symmetry.block_of[v as usize]).chain(block).collect();
-        for &a in &members {
-            coupled[a as usize].extend(members.iter().copied().filter(|&b| b != a));
-        }
-    }
-    for list in &mut coupled {
-        list.sort_unstable();
-        list.dedup();
-    }
-    coupled
 }
 
 impl<'a> ObjectProblem<'a> {
@@ -378,144 +313,6 @@ impl Problem for ObjectProblem<'_> {
     }
 }
 
-/// Rows of one view's border and key points; `keypoint_views` says in how many views each key point shares its offset.
-pub(crate) fn view_rows(
-    template: &Template,
-    model: &Model,
-    view: &View,
-    camera_from_object: &Pose,
-    vertices: &[Vector3<f64>],
-    keypoint_views: &[u32],
-    rows: &mut Rows,
-) {
-    if !view.border.is_empty() {
-        let samples = view_outline(view, camera_from_object, vertices, template, model.outline_step_px);
-        border_rows(view, camera_from_object, &samples, &model.border, rows);
-    }
-    for observation in &view.keypoints {
-        let association = &template.keypoints[observation.index];
-        let views = keypoint_views[observation.index];
-        let position = PositionNoise { sigma_m: model.keypoint_position_sigma_m, views };
-        let kernel = model.keypoint_kernel;
-        keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
-    }
-}
-
-/// Product of the leading part of a symmetric matrix with a vector.
-fn multiply(matrix: &Envelope, x: &[f64], size: usize) -> Vec<f64> {
-    let mut out = vec![0.0; size];
-    for i in 0..size {
-        let (first, row) = matrix.row(i);
-        let mut sum = row[i - first] * x[i];
-        for (j, entry) in (first..i).zip(row) {
-            sum += entry * x[j];
-            out[j] += entry * x[i];
-        }
-        out[i] += sum;
-    }
-    out
-}
-
-/// Precision of d: each vertex stays near 0, and near its neighbours' average (normalized cotangent Laplacian of the mean).
-fn free_form_prior(template: &Template, layout: &Layout, model: &Model) -> Envelope {
-    let mut out = Envelope::new(layout.first.clone());
-    let symmetry = &template.symmetry;
-    for (block, neighbours) in template.laplacian.iter().enumerate() {
-        let area = template.relative_area[block];
-        let alone = area / model.free_form_sigma_m.powi(2);
-        let together = 1.0 / (area * model.smoothness_sigma_m.powi(2));
-        for dof in symmetry.offset[block]..symmetry.offset[block + 1] {
-            out.add(layout.position[dof], layout.position[dof], alone);
-        }
-        for axis in 0..3 {
-            let vertex = symmetry.representative[block] as usize;
-            let mut row: Vec<(usize, f64)> = Vec::new();
-            let mut push = |v: usize, share: f64| {
-                for (dof, _, sign) in symmetry.freedoms(v).filter(|&(_, a, _)| a == axis) {
-                    let at = layout.position[dof];
-                    match row.iter_mut().find(|(i, _)| *i == at) {
-                        Some((_, sum)) => *sum += share * sign,
-                        None => row.push((at, share * sign)),
-                    }
-                }
-            };
-            push(vertex, 1.0);
-            neighbours.iter().for_each(|&(v, share)| push(v as usize, -share));
-            for n in 0..row.len() {
-                for m in 0..=n {
-                    out.add(row[n].0, row[m].0, together * row[n].1 * row[m].1);
-                }
-            }
-        }
-    }
-    out
-}
-
-/// Outline of the mesh in a view, with the mesh's own mask drawn where it or the observed mask may lie.
-fn view_outline(
-    view: &View,
-    camera_from_object: &Pose,
-    vertices: &[Vector3<f64>],
-    template: &Template,
-    step_px: f64,
-) -> Vec<OutlineSample> {
-    let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let mut drawn = Silhouette::default();
-    drawn.draw(&view.camera, &points, &template.topology);
-    let mut samples = Vec::new();
-    if drawn.by_contour {
-        contour_samples(&points, &drawn, step_px, &mut samples);
-    } else {
-        let rect = drawn.rect;
-        samples = outline(&view.camera, &points, &template.topology, &rect, drawn.mask(), step_px);
-    }
-    samples
-}
-
-/// The part of the image that a mesh may cover.
-fn mesh_rect(view: &View, points_in_camera: &[Vector3<f64>]) -> Rect {
-    let image = Rect::image(&view.camera);
-    if points_in_camera.iter().any(|p| p.z < crate::raster::NEAR_M) {
-        return image;
-    }
-    Rect::around(points_in_camera.iter().map(|p| view.camera.project(p))).intersection(&image)
-}
-
-/// IoU of the drawn mesh with the observed mask in a view; pixels that an occluder hides count only where the mask has them.
-#[must_use]
-pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> f64 {
-    let camera_from_object = view.world_from_camera.inverse().compose(world_from_object);
-    let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = mesh_rect(view, &points);
-    let mut drawn = vec![0; rect.area()];
-    fill_mask(&view.camera, &points, faces, &rect, &mut drawn);
-    let (mut both, mut only_drawn) = (0usize, 0usize);
-    for row in 0..rect.height {
-        for column in 0..rect.width {
-            if drawn[row * rect.width + column] == 0 {
-                continue;
-            }
-            match view.crop.index(column as i64 + rect.x0, row as i64 + rect.y0) {
-                Some(i) if view.distance_px[i] < 0.0 => both += 1,
-                Some(i) if view.hidden[i] > 0 => {}
-                _ => only_drawn += 1,
-            }
-        }
-    }
-    let observed = view.distance_px.iter().filter(|d| **d < 0.0).count();
-    both as f64 / (observed + only_drawn).max(1) as f64
-}
-
-/// Signed distances between the observed border and the mesh's outline in a view, in the order of the border's points:
-/// nᵀ(x − b), pixels; NaN where the border is not the object's own or nothing is near.
-#[must_use]
-pub fn border_distances(template: &Template, view: &View, state: &ObjectState, step_px: f64) -> Vec<f64> {
-    let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
-    let vertices = template.vertices(&state.z, &state.d);
-    let samples = view_outline(view, &camera_from_object, &vertices, template, step_px);
-    crate::residuals::border::backward_distances(view, &samples)
-}
-
 /// What an object turned out to be.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
@@ -543,126 +340,4 @@ pub fn refine(
     let problem = ObjectProblem::new(template, views, ground, model, scope);
     let (state, report) = levenberg_marquardt(&problem, state, options);
     Ok(Estimate { state, report })
-}
-
-/// Uncertainty of an estimate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Uncertainty {
-    /// Covariance of the pose whose origin is the centre of the mesh's bounding box: right perturbation, (translation, rotation).
-    pub pose_covariance: Matrix6<f64>,
-    /// Standard deviation of each vertex in the object's frame, root mean square over the axes, metres; empty unless asked for.
-    pub vertex_sigma_m: Vec<f64>,
-    /// Which vertices (or their mirror images) some view or key point fixes.
-    pub vertex_observed: Vec<bool>,
-}
-
-/// A vertex is observed where the measurements alone fix it along some direction to this, metres.
-const OBSERVED_SIGMA_M: f64 = 0.05;
-
-/// Uncertainty from the inverse of the normal matrix at `state`.
-///
-/// # Errors
-/// [`Error::NotPositiveDefinite`] where nothing holds a parameter, [`Error::Length`] if the state does not fit.
-pub fn uncertainty(
-    template: &Template,
-    views: &[&View],
-    ground: Option<Ground>,
-    model: Model,
-    scope: Scope,
-    state: &ObjectState,
-    per_vertex: bool,
-) -> Result<Uncertainty> {
-    check_length("mode coefficients", state.z.len(), template.mode_count)?;
-    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
-    let problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
-    let mut factor = problem.structure();
-    let mut gradient = vec![0.0; factor.size()];
-    problem.linearize(state, &mut factor, &mut gradient);
-    let vertex_observed = observed_vertices(&problem, state);
-    factor.factorize()?;
-    let vertices = template.vertices(&state.z, &state.d);
-    let pose_covariance = centre_covariance(&problem, &factor, &vertices);
-    let vertex_sigma_m = if per_vertex { vertex_sigmas(&problem, &factor) } else { Vec::new() };
-    Ok(Uncertainty { pose_covariance, vertex_sigma_m, vertex_observed })
-}
-
-/// Rows (as columns of the transpose) of a vertex's derivative over the shape's parameters.
-fn shape_derivative(problem: &ObjectProblem, vertex: usize) -> [Vec<(usize, f64)>; 3] {
-    let mut out = [Vec::new(), Vec::new(), Vec::new()];
-    if problem.scope.free_form {
-        for (dof, axis, sign) in problem.template.symmetry.freedoms(vertex) {
-            out[axis].push((problem.layout.position[dof], sign));
-        }
-    }
-    if problem.scope.modes {
-        let base = problem.layout.free_form + 6;
-        for (k, mode) in problem.template.modes_of(vertex).iter().enumerate() {
-            (0..3).for_each(|axis| out[axis].push((base + k, mode[axis])));
-        }
-    }
-    out
-}
-
-/// L⁻¹ aᵀ of a sparse row a.
-fn half_solve(factor: &Envelope, row: &[(usize, f64)]) -> Vec<f64> {
-    let mut x = vec![0.0; factor.size()];
-    row.iter().for_each(|&(i, value)| x[i] += value);
-    let from = row.iter().map(|&(i, _)| i).min().unwrap_or(0);
-    factor.forward(&mut x, from);
-    x
-}
-
-/// Covariance of the pose at the mesh's centre c: its perturbation is (ρ + φ × c + ∂c, φ), and c moves with the shape.
-fn centre_covariance(problem: &ObjectProblem, factor: &Envelope, vertices: &[Vector3<f64>]) -> Matrix6<f64> {
-    let base = problem.layout.free_form;
-    let (mut centre, mut rows) = (Vector3::zeros(), vec![Vec::new(); 6]);
-    for axis in 0..3 {
-        let by = |a: &usize, b: &usize| vertices[*a][axis].total_cmp(&vertices[*b][axis]);
-        let (low, high) = ((0..vertices.len()).min_by(by).unwrap_or(0), (0..vertices.len()).max_by(by).unwrap_or(0));
-        centre[axis] = 0.5 * (vertices[low][axis] + vertices[high][axis]);
-        for end in [low, high] {
-            rows[axis].extend(shape_derivative(problem, end)[axis].iter().map(|&(i, value)| (i, 0.5 * value)));
-        }
-    }
-    for axis in 0..3 {
-        rows[axis].push((base + axis, 1.0));
-        rows[axis + 3].push((base + 3 + axis, 1.0));
-        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3); // (φ × c)_i = φ_j c_k − φ_k c_j
-        rows[axis].push((base + 3 + j, centre[k]));
-        rows[axis].push((base + 3 + k, -centre[j]));
-    }
-    let solved: Vec<Vec<f64>> = rows.iter().map(|row| half_solve(factor, row)).collect();
-    Matrix6::from_fn(|i, j| solved[i].iter().zip(&solved[j]).map(|(a, b)| a * b).sum())
-}
-
-fn vertex_sigmas(problem: &ObjectProblem, factor: &Envelope) -> Vec<f64> {
-    let symmetry = &problem.template.symmetry;
-    let of_block: Vec<f64> = symmetry
-        .representative
-        .iter()
-        .map(|&v| {
-            let variance: f64 = shape_derivative(problem, v as usize)
-                .iter()
-                .map(|row| half_solve(factor, row).iter().map(|x| x * x).sum::<f64>())
-                .sum();
-            (variance / 3.0).sqrt()
-        })
-        .collect();
-    symmetry.block_of.iter().map(|&b| of_block[b as usize]).collect()
-}
-
-fn observed_vertices(problem: &ObjectProblem, state: &ObjectState) -> Vec<bool> {
-    let symmetry = &problem.template.symmetry;
-    let vertices = problem.template.vertices(&state.z, &state.d);
-    let mut rows = Rows::default();
-    problem.views.iter().for_each(|view| problem.view_rows(view, state, &vertices, &mut rows));
-    let mut information = vec![0.0; symmetry.representative.len()];
-    for (row, terms) in rows.iter() {
-        let weight = row.weight * row.kernel.weight(row.residual * row.residual);
-        for term in terms {
-            information[symmetry.block_of[term.vertex as usize] as usize] += weight * term.gradient.norm_squared();
-        }
-    }
-    let enough = 1.0 / (OBSERVED_SIGMA_M * OBSERVED_SIGMA_M);
-    symmetry.block_of.iter().map(|&b| information[b as usize] >= enough).collect()
 }

@@ -1,0 +1,102 @@
+//! What one view says of an object: rows for the solver, overlap of masks, distances of borders.
+
+use nalgebra::Vector3;
+
+use super::{Model, ObjectState};
+use crate::lie::Pose;
+use crate::outline::{OutlineSample, contour_samples, outline};
+use crate::raster::{Rect, fill_mask};
+use crate::residuals::Rows;
+use crate::residuals::border::border_rows;
+use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
+use crate::silhouette::Silhouette;
+use crate::template::Template;
+use crate::view::View;
+
+/// Rows of one view's border and key points; `keypoint_views` says in how many views each key point shares its offset.
+pub(crate) fn view_rows(
+    template: &Template,
+    model: &Model,
+    view: &View,
+    camera_from_object: &Pose,
+    vertices: &[Vector3<f64>],
+    keypoint_views: &[u32],
+    rows: &mut Rows,
+) {
+    if !view.border.is_empty() {
+        let samples = view_outline(view, camera_from_object, vertices, template, model.outline_step_px);
+        border_rows(view, camera_from_object, &samples, &model.border, rows);
+    }
+    for observation in &view.keypoints {
+        let association = &template.keypoints[observation.index];
+        let views = keypoint_views[observation.index];
+        let position = PositionNoise { sigma_m: model.keypoint_position_sigma_m, views };
+        let kernel = model.keypoint_kernel;
+        keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
+    }
+}
+
+/// Outline of the mesh in a view, with the mesh's own mask drawn where it or the observed mask may lie.
+fn view_outline(
+    view: &View,
+    camera_from_object: &Pose,
+    vertices: &[Vector3<f64>],
+    template: &Template,
+    step_px: f64,
+) -> Vec<OutlineSample> {
+    let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
+    let mut drawn = Silhouette::default();
+    drawn.draw(&view.camera, &points, &template.topology);
+    let mut samples = Vec::new();
+    if drawn.by_contour {
+        contour_samples(&points, &drawn, step_px, &mut samples);
+    } else {
+        let rect = drawn.rect;
+        samples = outline(&view.camera, &points, &template.topology, &rect, drawn.mask(), step_px);
+    }
+    samples
+}
+
+/// The part of the image that a mesh may cover.
+fn mesh_rect(view: &View, points_in_camera: &[Vector3<f64>]) -> Rect {
+    let image = Rect::image(&view.camera);
+    if points_in_camera.iter().any(|p| p.z < crate::raster::NEAR_M) {
+        return image;
+    }
+    Rect::around(points_in_camera.iter().map(|p| view.camera.project(p))).intersection(&image)
+}
+
+/// IoU of the drawn mesh with the observed mask in a view; pixels that an occluder hides count only where the mask has them.
+#[must_use]
+pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> f64 {
+    let camera_from_object = view.world_from_camera.inverse().compose(world_from_object);
+    let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
+    let rect = mesh_rect(view, &points);
+    let mut drawn = vec![0; rect.area()];
+    fill_mask(&view.camera, &points, faces, &rect, &mut drawn);
+    let (mut both, mut only_drawn) = (0usize, 0usize);
+    for row in 0..rect.height {
+        for column in 0..rect.width {
+            if drawn[row * rect.width + column] == 0 {
+                continue;
+            }
+            match view.crop.index(column as i64 + rect.x0, row as i64 + rect.y0) {
+                Some(i) if view.distance_px[i] < 0.0 => both += 1,
+                Some(i) if view.hidden[i] > 0 => {}
+                _ => only_drawn += 1,
+            }
+        }
+    }
+    let observed = view.distance_px.iter().filter(|d| **d < 0.0).count();
+    both as f64 / (observed + only_drawn).max(1) as f64
+}
+
+/// Signed distances between the observed border and the mesh's outline in a view, in the order of the border's points:
+/// nᵀ(x − b), pixels; NaN where the border is not the object's own or nothing is near.
+#[must_use]
+pub fn border_distances(template: &Template, view: &View, state: &ObjectState, step_px: f64) -> Vec<f64> {
+    let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
+    let vertices = template.vertices(&state.z, &state.d);
+    let samples = view_outline(view, &camera_from_object, &vertices, template, step_px);
+    crate::residuals::border::backward_distances(view, &samples)
+}
