@@ -97,7 +97,7 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
         return found.with_tracks({d.id: None for d in found.detections}), False
     found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
-    return found, False
+    return read_detections(run.path("detections.json")), False  # as rounded on disk: a resumed run goes the same way
 
 
 def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, bars: Bars) -> DetectionSet:

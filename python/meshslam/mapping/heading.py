@@ -32,10 +32,10 @@ def viewing_angle_rad(world_from_camera: Pose, world_from_object: Pose) -> float
 
 
 def likelihood(shares: Floats, angle_rad: float) -> float:
-    """Density at an angle of a distribution over n equal bins, linear between the bins' centres; 1: as an even one."""
+    """Density at an angle of shares of n equal bins, up to a factor, linear between centres; 1: as an even one."""
     n = len(shares)
     place = (angle_rad / (2 * np.pi)) % 1.0 * n
     low = int(place) % n
     part = place - int(place)
-    value = n * ((1 - part) * shares[low] + part * shares[(low + 1) % n])
+    value = n * ((1 - part) * shares[low] + part * shares[(low + 1) % n]) / shares.sum()
     return float((1 - _FLOOR) * value + _FLOOR)

@@ -49,7 +49,9 @@ class Detection:
     keypoint_scores: Floats | None = None  # (K,) in [0, 1]
     track_id: int | None = None
     keypoint_sigmas_px: Floats | None = None  # (K,) along one axis; None: they follow from score and box
-    viewing_angle_shares: Floats | None = None  # (n,) of n equal bins around the object, the first about its front
+    viewing_angle_shares: Floats | None = (
+        None  # (n,) of n equal bins around the object, the first about its front; up to a factor
+    )
 
     def mask(self) -> Bytes:
         """Unpack the mask: (height, width), zeros and ones."""

@@ -214,7 +214,7 @@ def _positive(row: dict[str, Any], key: str, count: int) -> Floats | None:
 
 
 def _shares(row: dict[str, Any]) -> Floats | None:
-    """The distribution of the viewing angle, made to sum to 1."""
+    """The distribution of the viewing angle, up to a factor."""
     key = "viewing_angle_shares"
     given = row.get(key)
     if given is None:
@@ -224,8 +224,7 @@ def _shares(row: dict[str, Any]) -> Floats | None:
     values = np.array([_number(value, key) for value in given])
     if (values < 0).any() or values.sum() <= 0:
         raise DetectionError(f"{key}: expected shares that are not negative, and not all 0")
-    normalized: Floats = values / values.sum()
-    return normalized
+    return values
 
 
 Value = TypeVar("Value", ImageEntry, CategoryEntry)
