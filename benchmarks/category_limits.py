@@ -78,14 +78,12 @@ def main() -> None:
         rows.append(measure(category, path, wrapper))
         print(f"{path.stem:28}" + "".join(f"{x:8.3f}" for x in rows[-1]), flush=True)
     table = np.array(rows)
-    print(
-        "\n| cars | mean mesh | modes | modes, worst | free form | free form, worst |\n| --- | --- | --- | --- | --- | --- |"
-    )
+    print("\n| cars | mean mesh | modes | modes, worst | free form | free form, worst |")
+    print("| --- | --- | --- | --- | --- | --- |")
     for name, part in (("all", table), ("even", table[::2]), ("odd", table[1::2])):
         mean, least = part.mean(0), part.min(0)
-        print(
-            f"| {len(part)} ({name}) | {mean[0]:.3f} | {mean[1]:.3f} | {least[1]:.3f} | {mean[2]:.3f} | {least[2]:.3f} |"
-        )
+        figures = (mean[0], mean[1], least[1], mean[2], least[2])
+        print(f"| {len(part)} ({name}) | " + " | ".join(f"{x:.3f}" for x in figures) + " |")
 
 
 if __name__ == "__main__":

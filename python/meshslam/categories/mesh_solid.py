@@ -16,6 +16,7 @@ CELLS = 110  # along the longest side
 CLOSED_BY = 2.0  # cells: gaps of up to twice this are closed
 LEAK = 0.5  # a solid of less than this share of what the surface hides has a hole
 MARGIN_CELLS = 8
+LEAST_CELLS = 30  # inside, off the surface
 BAND = 4.5  # cells in which distances are exact
 NOTHING_INSIDE = "its surface hides no volume: it is flat, or open on most sides"
 
@@ -33,7 +34,7 @@ class MeshSolid:
 
     @cached_property
     def field(self) -> GridField:
-        """The distance to the closed surface, negative inside; exact to 0.2 cells."""
+        """The distance to the closed surface, negative inside; exact to half a cell, to 0.1 on average."""
         return GridField(self._origin, self.cell, self._table)
 
     def closed(self, radius: float) -> GridField:
@@ -52,8 +53,8 @@ class MeshSolid:
     @cached_property
     def leaks(self) -> bool:
         """Whether the surface has a hole that the ball gets through."""
-        enclosed = self._enclosed(np.zeros(self._shape, bool))
-        return bool(enclosed.sum() < LEAK * self._hidden.sum())
+        enclosed = self._enclosed(np.zeros(self._shape, bool)) & self._off_surface
+        return bool(enclosed.sum() < LEAK * (self._hidden & self._off_surface).sum())
 
     @property
     def _origin(self) -> Floats:
@@ -94,6 +95,11 @@ class MeshSolid:
             votes += before & after
         return votes >= 2
 
+    @property
+    def _off_surface(self) -> AnyArray:
+        off: AnyArray = self._distance > self.cell
+        return off
+
     def _reached(self, filled: AnyArray) -> AnyArray:
         """Where the ball's centre gets from outside."""
         radius = CLOSED_BY * self.cell
@@ -109,15 +115,16 @@ class MeshSolid:
 
     @cached_property
     def _table(self) -> Floats:
-        if self._hidden.sum() < 30:
+        if (self._hidden & self._off_surface).sum() < LEAST_CELLS:
             raise CategoryError(NOTHING_INSIDE)
-        filled = self._hidden if self.leaks else np.zeros(self._shape, bool)
+        filled = ndimage.binary_erosion(self._hidden) if self.leaks else np.zeros(self._shape, bool)
         reached, radius = self._reached(filled), CLOSED_BY * self.cell
         border = reached & ~ndimage.binary_erosion(reached, border_value=1)
         edge = self._origin + self.cell * np.argwhere(border)
-        if not self.leaks:  # onto the level set itself: cells are too coarse
-            distance, nearest = map(np.asarray, self._surface.query(edge))
-            edge -= (distance - radius)[:, None] * (edge - self._surface.data[nearest]) / distance[:, None]
+        distance, nearest = map(np.asarray, self._surface.query(edge))
+        onto = distance < radius + 1.2 * self.cell  # the level set itself: cells are too coarse
+        shift = (distance - radius) / np.maximum(distance, 1e-9)
+        edge[onto] -= (shift[:, None] * (edge - self._surface.data[nearest]))[onto]
         away = self._distances(cKDTree(edge))
         table: Floats = np.where(reached, radius + away, radius - away)
         return table
