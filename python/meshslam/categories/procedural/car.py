@@ -92,6 +92,7 @@ class CarShape:
     windshield_share: float = 0.58  # where the windshield's upper corners are, as a share of half the width
     window_share: float = 0.54  # likewise of the rear window
     light_share: float = 0.43  # height of the front lights, as a share of the height
+    trunk_share: float = 0.60  # height of the trunk's corners, likewise
 
     @property
     def front(self) -> float:
@@ -184,10 +185,16 @@ class CarShape:
         cowl = self.wheelbase / 2 - self.cowl_from_axle
         middle = (cowl - self.windshield_run + self.rear + self.roof_rear_from_tail) / 2
         inside = np.array(
-            [[middle, 0, glass], [middle, 0, glass], [0, 0.75 * w, self.light_share * h], [0, 0.75 * w, 0.60 * h]]
+            [
+                [middle, 0, glass],
+                [middle, 0, glass],
+                [0, 0.75 * w, self.light_share * h],
+                [0, 0.75 * w, self.trunk_share * h],
+            ]
         )
         ahead = np.array([[1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, 0]])
-        windshield, window, light, trunk = cast(self.field, inside, ahead, max(4.0, 0.6 * self.length))
+        reach = 4.0 * np.ceil(self.length / 6.5)
+        windshield, window, light, trunk = cast(self.field, inside, ahead, reach)
         pillars = np.array([windshield + [0, self.windshield_share * w, 0], window + [0, self.window_share * w, 0]])
         windshield, window = project(self.field, pillars)
         hub = [self.wheelbase / 2, w - self.wheel_inset, self.tyre_radius]

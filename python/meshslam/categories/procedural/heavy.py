@@ -160,4 +160,5 @@ def draw_body(body: Body, rng: np.random.Generator) -> CarShape:
         windshield_share=0.75,
         window_share=0.75,
         light_share=0.5 * cowl_height / height,
+        trunk_share=(deck - 0.15) / height if bed else 0.60,
     )
