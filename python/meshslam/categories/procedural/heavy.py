@@ -126,7 +126,7 @@ def draw_body(body: Body, rng: np.random.Generator) -> CarShape:
         cowl_from_axle=hood - front_overhang,
         cowl_height=cowl_height,
         windshield_run=run,
-        roof_front_drop=deck if body.kind == "box" else near(0.06, 0.02),
+        roof_front_drop=deck if body.kind == "box" else near(0.09, 0.02),
         roof_peak=float(np.clip((cab - run + 0.2) / roof, 0.1, 0.5)) if body.kind == "box" else near(0.35, 0.05),
         roof_rear_from_tail=behind_cab + near(0.10, 0.04) if bed else near(0.12, 0.03),
         roof_rear_drop=near(0.05, 0.015),
@@ -157,6 +157,7 @@ def draw_body(body: Body, rng: np.random.Generator) -> CarShape:
         rounding_low=near(0.08, 0.02),
         mirror_reach=near(0.09, 0.02),
         mirror_size=near(0.17, 0.02),
+        tension=0.15,  # boxy; more lets the roof overshoot behind a tall windshield
         windshield_share=0.75,
         window_share=0.75,
         light_share=0.5 * cowl_height / height,
