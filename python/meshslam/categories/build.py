@@ -1,6 +1,8 @@
-"""Build the category `car` from its procedural family."""
+"""Build the shipped categories from their procedural families."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from meshslam.categories.icosphere import icosphere
 from meshslam.categories.keypoints import mirrored_weights, point_weights
 from meshslam.categories.modes import principal_modes
 from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
+from meshslam.categories.procedural.heavy import draw_bus, draw_truck
 from meshslam.categories.procedural.styles import draw_car
 from meshslam.categories.shrinkwrap import Wrapper, carry
 from meshslam.categories.template import car_template, middle_car
@@ -16,23 +19,33 @@ from meshslam.errors import CategoryError
 from meshslam.geometry.arrays import Floats, Ints
 
 SHIPPED_SEED, SHIPPED_COUNT, SHIPPED_MODES = 0, 240, 20
+FAMILIES: dict[str, Callable[[np.random.Generator], CarShape]] = {
+    "car": draw_car,
+    "truck": draw_truck,
+    "bus": draw_bus,
+}
 
 
-def build_car(seed: int = SHIPPED_SEED, count: int = SHIPPED_COUNT, modes: int = SHIPPED_MODES) -> Category:
-    """Draw `count` cars, lay the template onto each, and take mean and principal modes.
+def build_family(
+    name: str, seed: int = SHIPPED_SEED, count: int = SHIPPED_COUNT, modes: int = SHIPPED_MODES
+) -> Category:
+    """Draw `count` vehicles of a family, lay the template onto each, and take mean and principal modes.
 
-    The same arguments give the same category; the defaults give the shipped one. CategoryError if there are fewer
-    cars than modes + 1.
+    The same arguments give the same category; the defaults give the shipped one. CategoryError if there is no such
+    family, or fewer vehicles than modes + 1.
     """
+    if name not in FAMILIES:
+        raise CategoryError(f"no family {name!r}: {', '.join(FAMILIES)} are built without meshes; else name mesh files")
     if modes < 1 or count < modes + 1:
-        raise CategoryError(f"{modes} modes need at least {modes + 1} cars and one mode, found count={count}")
+        raise CategoryError(f"{modes} modes need at least {modes + 1} {name}s and one mode, found count={count}")
+    draw = FAMILIES[name]
     wrapper, rng = Wrapper(icosphere(3)), np.random.default_rng(seed)
     sphere = wrapper.sphere
-    shapes, points = wrapped_cars(wrapper, [draw_car(rng) for _ in range(count)])
+    shapes, points = wrapped_cars(wrapper, [draw(rng) for _ in range(count)], middle_car(draw))
     mean, directions = principal_modes(shapes, sphere.faces, modes)
     mean = wrapper.symmetrized(mean - (mean.max(0) + mean.min(0)) / 2)
     return Category(
-        name="car",
+        name=name,
         vertices=mean,
         faces=sphere.faces,
         modes=np.array([wrapper.symmetrized(d) for d in directions]),
@@ -43,9 +56,16 @@ def build_car(seed: int = SHIPPED_SEED, count: int = SHIPPED_COUNT, modes: int =
     )
 
 
-def wrapped_cars(wrapper: Wrapper, cars: list[CarShape]) -> tuple[Floats, Floats]:
-    """Vertices (N, V, 3) and key points (N, K, 3) of the cars, each about the centre of its bounding box."""
-    middle = middle_car()
+def build_car(seed: int = SHIPPED_SEED, count: int = SHIPPED_COUNT, modes: int = SHIPPED_MODES) -> Category:
+    """Build the category `car`: see `build_family`."""
+    return build_family("car", seed, count, modes)
+
+
+def wrapped_cars(wrapper: Wrapper, cars: list[CarShape], middle: CarShape) -> tuple[Floats, Floats]:
+    """Vertices (N, V, 3) and key points (N, K, 3) of the cars, each about the centre of its bounding box.
+
+    The template is laid onto the `middle` one and carried to the others.
+    """
     template, landmarks = car_template(wrapper, middle), middle.landmarks()
     shapes, points = [], []
     for car in cars:

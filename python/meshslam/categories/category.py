@@ -150,9 +150,11 @@ def _complaints(category: Category) -> list[str]:
         found += [
             f"{field} are not symmetric in y -> -y"
             for field in ("vertices", "modes")
-            if np.abs(getattr(category, field)[..., category.mirror, :] * flip - getattr(category, field)).max() > 1e-9
+            if (
+                np.abs(getattr(category, field)[..., category.mirror, :] * flip - getattr(category, field)) > 1e-9
+            ).any()
         ]
-    if np.abs(category.keypoint_weights.sum(1) - 1).max() > 1e-6:
+    if (np.abs(category.keypoint_weights.sum(1) - 1) > 1e-6).any():
         found.append("rows of keypoint_weights must sum to 1")
     return found
 

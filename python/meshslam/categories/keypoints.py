@@ -25,11 +25,12 @@ def point_weights(shapes: Floats, points: Floats, candidates: int = 40) -> Float
 
 
 def mirrored_weights(weights: Floats, mirror: Ints, names: tuple[str, ...]) -> Floats:
-    """The weights (K, V) with each right point's row made the mirror image of its left twin's, by the names."""
+    """The weights (K, V) with each right point's row made the mirror image of its left twin's, where names tell one."""
     result = weights.copy()
     for row, name in enumerate(names):
-        if "right" in name:
-            result[row] = weights[names.index(name.replace("right", "left"))][mirror]
+        twin = name.replace("right", "left")
+        if twin != name and twin in names:
+            result[row] = weights[names.index(twin)][mirror]
     return result
 
 

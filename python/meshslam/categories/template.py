@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -16,10 +17,10 @@ ON_THE_GROUND = 0.03  # clearance of the car that the wheels grow from
 GROWTH = 0.15  # of the mirrors' reach
 
 
-def middle_car() -> CarShape:
-    """The car with the family's mean measures."""
+def middle_car(draw: Callable[[np.random.Generator], CarShape] = draw_car) -> CarShape:
+    """The car with the mean measures of a family, which `draw` draws from."""
     rng = np.random.default_rng(0)
-    drawn = [asdict(draw_car(rng)) for _ in range(400)]
+    drawn = [asdict(draw(rng)) for _ in range(400)]
     return CarShape(**{key: float(np.mean([d[key] for d in drawn])) for key in drawn[0]})
 
 

@@ -19,7 +19,7 @@ def map_(
     detections: Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")] = None,
     layout: Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
-    category: Annotated[str | None, typer.Option(help="Category to map.")] = None,
+    category: Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")] = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
     solver: Annotated[
         str | None, typer.Option(help="residuals: second order on the outline; gradient: the paper's descent.")
@@ -43,7 +43,7 @@ def map_(
         "detections": None if detections is None else str(detections.resolve()),
         "layout": layout,
         "camera": camera,
-        "category": category,
+        "category": None if category is None else category_or_path(category),
     }
     settings = read_config(config)
     given = {key: value for key, value in chosen.items() if value is not None}
@@ -61,6 +61,11 @@ def map_(
 def named_or_path(segmenter: str) -> str:
     """The whole path of a file, the name of a network in the store."""
     return str(Path(segmenter).resolve()) if Path(segmenter).exists() or segmenter.endswith(".onnx") else segmenter
+
+
+def category_or_path(category: str) -> str:
+    """The whole path of a category file, the name of a shipped category."""
+    return str(Path(category).resolve()) if category.endswith(".npz") else category
 
 
 def run_map(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:

@@ -89,6 +89,10 @@ class CarShape:
     mirror_reach: float  # mirror's tip beyond the widest line
     mirror_size: float  # half its height at its foot
     tension: float = 0.45  # roundness of the profile at its control points
+    windshield_share: float = 0.58  # where the windshield's upper corners are, as a share of half the width
+    window_share: float = 0.54  # likewise of the rear window
+    light_share: float = 0.43  # height of the front lights, as a share of the height
+    trunk_share: float = 0.60  # height of the trunk's corners, likewise
 
     @property
     def front(self) -> float:
@@ -180,10 +184,18 @@ class CarShape:
         w, h, glass = self.width / 2, self.height, self.height - GLASS_BELOW_ROOF
         cowl = self.wheelbase / 2 - self.cowl_from_axle
         middle = (cowl - self.windshield_run + self.rear + self.roof_rear_from_tail) / 2
-        inside = np.array([[middle, 0, glass], [middle, 0, glass], [0, 0.75 * w, 0.43 * h], [0, 0.75 * w, 0.60 * h]])
+        inside = np.array(
+            [
+                [middle, 0, glass],
+                [middle, 0, glass],
+                [0, 0.75 * w, self.light_share * h],
+                [0, 0.75 * w, self.trunk_share * h],
+            ]
+        )
         ahead = np.array([[1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, 0]])
-        windshield, window, light, trunk = cast(self.field, inside, ahead)
-        pillars = np.array([windshield + [0, 0.58 * w, 0], window + [0, 0.54 * w, 0]])
+        reach = 4.0 * np.ceil(self.length / 6.5)
+        windshield, window, light, trunk = cast(self.field, inside, ahead, reach)
+        pillars = np.array([windshield + [0, self.windshield_share * w, 0], window + [0, self.window_share * w, 0]])
         windshield, window = project(self.field, pillars)
         hub = [self.wheelbase / 2, w - self.wheel_inset, self.tyre_radius]
         left = [hub, np.multiply(hub, [-1, 1, 1]), windshield, window, light, trunk]
