@@ -18,7 +18,7 @@ COMMAND = (sys.executable, "-m", "meshslam")
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "2"}
 
 
-def meshslam(*arguments, timeout_s=900):
+def meshslam(*arguments, timeout_s=240):
     """Run a command to its end."""
     command = [*COMMAND, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, env=ENVIRONMENT, check=False)

@@ -26,8 +26,8 @@ def test_the_cars_of_drive_0048_are_mapped_and_fit_their_masks(run_0048):
     path = np.loadtxt(run_0048 / "trajectory.tum")[:, 1:4]
     along = path[-1, :2] - path[0, :2]
     along /= np.linalg.norm(along)
-    sure = [thing for thing in found.objects if np.sqrt(np.linalg.eigvalsh(thing.pose_covariance[:3, :3])[-1]) < 0.4]
-    assert len(sure) >= 5  # the others, beyond 25 m or a reflection, say themselves that they are not
+    sure = [thing for thing in found.objects if np.sqrt(np.linalg.eigvalsh(thing.pose_covariance[:3, :3])[-1]) < 1.5]
+    assert len(sure) >= 7  # all but the reflection in the shop window, which says itself that it is not
     for thing in sure:
         heading = thing.world_from_object.rotation[:2, 0]
         off = np.degrees(np.arccos(min(1.0, abs(float(heading @ along)) / np.linalg.norm(heading))))
