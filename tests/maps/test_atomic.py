@@ -93,6 +93,20 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, small_disk):
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"map.json": b"old"}
 
 
+def test_an_interrupt_while_a_file_is_written_leaves_the_old_one_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    write_atomically(path, b"old")
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meshslam.maps.atomic.os.fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(MapError, match=r"nowhere/map\.json: cannot be written: No such file"):
         write_atomically(tmp_path / "nowhere" / "map.json", b"")

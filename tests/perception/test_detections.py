@@ -59,6 +59,15 @@ def test_what_is_read_is_written_back(tmp_path):
     assert write_detections(again) == write_detections(found)
 
 
+def test_what_a_network_says_of_key_points_is_written_as_it_was_read(tmp_path):
+    root = example()
+    said = {"keypoint_sigmas_px": [1.234, 2.5, 0.75], "viewing_angle_shares": [0.1003, 0.3333, 0.3333, 0.2333]}
+    root["annotations"][1] |= said
+    written = json.loads(write_detections(read(tmp_path, root)))["annotations"]
+    assert {key: written[1][key] for key in said} == said
+    assert not said.keys() & written[0].keys()
+
+
 def test_defaults_groups_and_tracks(tmp_path):
     found = read(tmp_path, example())
     assert [d.score for d in found.detections] == [0.5, 1.0, 1.0]
