@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from meshslam.cli.options import AsJson, Overwrite
+
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the recording and the run.")] = Path("demo"),
     seed: Annotated[int, typer.Option(help="Seed of the street: the same seed gives the same bytes.")] = 0,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run of other settings.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    overwrite: Overwrite = False,
+    json: AsJson = False,
 ) -> None:
     """Make a street of cars, drive through it, map it, and compare the map with the truth.
 
@@ -20,7 +22,8 @@ def demo(
     """
     from meshslam.categories import load_category
     from meshslam.cli.config import Config, InputConfig
-    from meshslam.cli.map import run_map, show_figures
+    from meshslam.cli.figures import show_figures
+    from meshslam.cli.map import run_map
     from meshslam.cli.progress import progress_bars
     from meshslam.simulation import make_street, write_recording
 

@@ -8,17 +8,25 @@ from typing import Annotated
 
 import typer
 
+from meshslam.cli.options import (
+    CameraNumber,
+    ConfigFile,
+    Keypoints,
+    Layout,
+    Segmenter,
+    with_input,
+    with_keypoint_network,
+)
+
 
 def detect(
     sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
-    segmenter: Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")] = None,
-    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
-    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
-    keypoints: Annotated[
-        bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
-    ] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with settings.")] = None,
+    segmenter: Segmenter = None,
+    layout: Layout = None,
+    camera: CameraNumber = None,
+    keypoints: Keypoints = None,
+    config: ConfigFile = None,
 ) -> None:
     """Segment every frame of a recording and write the detections.
 
@@ -31,12 +39,9 @@ def detect(
     from meshslam.perception import write_detections
 
     settings = read_config(config)
-    chosen = replace(
-        settings.input, sequence=str(sequence), layout=layout, camera=camera, segmenter=segmenter, detections=None
-    )
-    settings = replace(settings, input=chosen)
-    if keypoints is not None:
-        settings = replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
+    settings = replace(settings, input=replace(settings.input, detections=None))
+    settings = with_input(settings, sequence=sequence, layout=layout, camera=camera, segmenter=segmenter)
+    settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)
     with progress_bars() as bars:
         found = with_keypoints(recording, segment_frames(recording, settings, bars), settings, bars)

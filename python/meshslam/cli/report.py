@@ -2,37 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Rows
+
 from meshslam.categories import load_category
 from meshslam.geometry import Pose
+from meshslam.geometry.arrays import Floats
+from meshslam.localization import Localization
 from meshslam.mapping import Frames, Mapping
-from meshslam.maps import RunDirectory
+from meshslam.maps import Map, RunDirectory
+from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
 from meshslam.viewing import ReportContext, can_record, write_recording, write_report
 
+Paths = dict[str, tuple[Pose, ...]]
 
-def save_report(
+
+def save_map_report(
     recording: Sequence,
     frames: Frames,
     mapping: Mapping,
     category: str,
     figures: dict[str, float],
     run: RunDirectory,
-    other_paths: dict[str, tuple[Pose, ...]] | None = None,
+    other_paths: Paths | None = None,
+) -> None:
+    """The report of a map that was made."""
+    mean = load_category(category).vertices
+    stages = {number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()}
+    left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
+    path, seen = frames.world_from_camera, mapping.detections
+    _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages)
+
+
+def save_localization_report(
+    recording: Sequence,
+    scene: Map,
+    result: Localization,
+    figures: dict[str, float],
+    run: RunDirectory,
+    other_paths: Paths,
+) -> None:
+    """The report of a path in a map that was given."""
+    moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
+    path, seen = result.world_from_camera, result.detections
+    _save(recording, path, seen, scene, moved, figures, run, other_paths, {})
+
+
+def _save(
+    recording: Sequence,
+    world_from_camera: tuple[Pose, ...],
+    detections: DetectionSet,
+    scene: Map,
+    left_out: Rows[tuple[int, str, str]],
+    figures: dict[str, float],
+    run: RunDirectory,
+    other_paths: Paths,
+    stages: dict[int, tuple[Pose, Floats]],
 ) -> None:
     """Write report.html, and recording.rrd where the Rerun SDK is installed."""
-    mean = load_category(category).vertices
     context = ReportContext(
         title=recording.name,
         camera=recording.camera,
         frame_ids=recording.frame_ids,
-        world_from_camera=frames.world_from_camera,
+        world_from_camera=world_from_camera,
         read_image=recording.read_image if recording.image_paths is not None else None,
-        detections=mapping.detections,
-        map=mapping.map,
-        left_out=tuple((row.track, row.reason, row.detail) for row in mapping.left_out),
+        detections=detections,
+        map=scene,
+        left_out=tuple(left_out),
         metrics=figures,
-        other_paths=other_paths or {},
-        stages={number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()},
+        other_paths=other_paths,
+        stages=stages,
     )
     if can_record():
         part = run.path(".recording.rrd.meshslam-part")

@@ -2,72 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+from meshslam.cli.options import (
+    AsJson,
+    CameraNumber,
+    ConfigFile,
+    Detections,
+    Extrinsics,
+    ImuFile,
+    Keypoints,
+    Layout,
+    Overwrite,
+    RunFolder,
+    Segmenter,
+    SequenceFolder,
+    with_input,
+    with_keypoint_network,
+)
 
 if TYPE_CHECKING:
     from meshslam.cli.config import Config
 
 
 def slam(
-    sequence: Annotated[Path | None, typer.Argument(help="Folder of the recording.")] = None,
-    out: Annotated[Path, typer.Option(help="Run directory to write.")] = Path("run"),
-    imu: Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")] = None,
-    imu_from_camera: Annotated[
-        Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")
-    ] = None,
-    segmenter: Annotated[Path | None, typer.Option(help="ONNX export of YOLO-seg (v5, v8, 11).")] = None,
-    detections: Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")] = None,
-    layout: Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder.")] = None,
-    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace a run of other settings.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    sequence: SequenceFolder = None,
+    out: RunFolder = Path("run"),
+    imu: ImuFile = None,
+    imu_from_camera: Extrinsics = None,
+    segmenter: Segmenter = None,
+    detections: Detections = None,
+    layout: Layout = None,
+    camera: CameraNumber = None,
+    keypoints: Keypoints = None,
+    config: ConfigFile = None,
+    overwrite: Overwrite = False,
+    json: AsJson = False,
 ) -> None:
     """Find camera path and cars together, from detections and IMU: no poses are used but the first.
 
     Example: meshslam slam drive --out run
     """
-    from meshslam.cli.config import overlaid, read_config
-    from meshslam.cli.map import show_figures
+    from meshslam.cli.config import read_config
+    from meshslam.cli.figures import show_figures
 
-    paths = {
-        "sequence": sequence,
-        "imu": imu,
-        "imu_from_camera": imu_from_camera,
-        "segmenter": segmenter,
-        "detections": detections,
-    }
-    given: dict[str, object] = {key: str(path.resolve()) for key, path in paths.items() if path is not None}
-    given |= {key: value for key, value in {"layout": layout, "camera": camera}.items() if value is not None}
-    settings = read_config(config)
-    settings = replace(settings, input=overlaid(settings.input, given, "flags"))
+    settings = with_input(
+        read_config(config),
+        sequence=sequence,
+        imu=imu,
+        imu_from_camera=imu_from_camera,
+        segmenter=segmenter,
+        detections=detections,
+        layout=layout,
+        camera=camera,
+    )
+    settings = with_keypoint_network(settings, keypoints)
     show_figures(run_slam(settings, out, overwrite=overwrite), out, as_json=json)
 
 
 def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:
     """Perceive, track, estimate path and objects together, map along the path, save, evaluate, report."""
-    import json
-    from importlib.metadata import version
-
     from meshslam.categories import load_category
     from meshslam.cli import stages
-    from meshslam.cli.config import to_yaml
-    from meshslam.cli.localize import paths_against_truth, true_path
     from meshslam.cli.progress import progress_bars
-    from meshslam.cli.report import save_report
+    from meshslam.cli.report import save_map_report
+    from meshslam.cli.truth import paths_against_truth, true_path
     from meshslam.evaluation import evaluate_run
     from meshslam.localization import slam_path
     from meshslam.mapping import Frames
-    from meshslam.maps import RunDirectory
 
-    recording = stages.open_input(settings.input)
-    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
-    if run.has("metrics.json") and run.has("report.html"):
-        done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
+    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    if done is not None:
         return done
     clock, category = stages.Clock(), load_category(settings.input.category)
     with progress_bars() as bars:
@@ -87,6 +93,6 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
         figures = stages.figures(recording, mapping, clock) | result.figures | evaluate_run(recording.root, run.folder)
         figures |= paths_against_truth(recording, {"initial": result.inertial, "filtered": result.filtered})
         drawn = {"IMU alone": result.inertial} | true_path(recording)
-        save_report(recording, frames, mapping, settings.input.category, figures, run, drawn)
+        save_map_report(recording, frames, mapping, settings.input.category, figures, run, drawn)
     run.save("metrics.json", stages.metrics_json(figures))
     return figures

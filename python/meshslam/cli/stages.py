@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from meshslam.categories import load_category
-from meshslam.cli.config import Config, InputConfig
+from meshslam.cli.config import Config, InputConfig, to_yaml
 from meshslam.errors import DetectionError, ModelError, SequenceError
 from meshslam.geometry.arrays import Bytes
 from meshslam.mapping import Frames, Mapping, correct_rotations, map_objects
@@ -62,6 +63,16 @@ def open_input(chosen: InputConfig) -> Sequence:
     return found if imu is None and mounted is None else with_imu(found, imu, mounted)
 
 
+def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
+    """Open recording and run directory; also the run's figures, if it is there whole already."""
+    recording = open_input(settings.input)
+    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
+    if not (run.has("metrics.json") and run.has("report.html")):
+        return recording, run, None
+    done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
+    return recording, run, done
+
+
 def segment_frames(recording: Sequence, config: Config, bars: Bars) -> DetectionSet:
     """Segment every frame with the network of the configuration."""
     try:
@@ -97,7 +108,7 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
         return found.with_tracks({d.id: None for d in found.detections}), False
     found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
-    return read_detections(run.path("detections.json")), False  # as rounded on disk: a resumed run goes the same way
+    return found, False
 
 
 def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, bars: Bars) -> DetectionSet:

@@ -1,0 +1,22 @@
+"""Shows a run's figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def show_figures(figures: dict[str, float], out: Path, *, as_json: bool) -> None:
+    """Print a run's figures, and where its report is."""
+    if as_json:
+        from meshslam.cli.stages import metrics_json
+
+        print(metrics_json(figures), end="")
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("figure", "value", title=str(out))
+    for key, value in figures.items():
+        table.add_row(key, f"{value:.3f}" if isinstance(value, float) else str(value))
+    Console().print(table)
+    print(f"{out / 'report.html'}: open it in a browser")

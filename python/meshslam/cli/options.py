@@ -1,0 +1,53 @@
+"""Options that several commands share, and how they become the input of a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from meshslam.cli.config import Config
+
+SequenceFolder = Annotated[Path | None, typer.Argument(help="Folder of the recording.")]
+RunFolder = Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")]
+Segmenter = Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")]
+Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
+Layout = Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder, where the path does not tell.")]
+CameraNumber = Annotated[int | None, typer.Option(help="Which of the layout's cameras.")]
+CategoryName = Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")]
+Keypoints = Annotated[
+    bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
+]
+ImuFile = Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")]
+Extrinsics = Annotated[Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")]
+ConfigFile = Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")]
+Overwrite = Annotated[bool, typer.Option(help="Replace a run of other settings.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
+
+
+def with_input(settings: Config, **given: str | int | Path | None) -> Config:
+    """The settings with what was given of their input; files by their whole paths, so that a run can be repeated."""
+    from meshslam.cli.config import overlaid
+
+    values = {key: _plain(key, value) for key, value in given.items() if value is not None}
+    return replace(settings, input=overlaid(settings.input, values, "flags"))
+
+
+def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
+    """The settings with the network of key points switched on or off, if the flag was given."""
+    if keypoints is None:
+        return settings
+    return replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
+
+
+def _plain(key: str, value: str | int | Path) -> str | int:
+    if isinstance(value, Path):
+        return str(value.resolve())
+    if key == "segmenter" and isinstance(value, str):  # a file, or a name in the store
+        return str(Path(value).resolve()) if Path(value).exists() or value.endswith(".onnx") else value
+    if key == "category" and isinstance(value, str):  # a file, or the name of a shipped one
+        return str(Path(value).resolve()) if value.endswith(".npz") else value
+    return value
