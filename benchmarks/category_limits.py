@@ -30,7 +30,10 @@ PRIOR_M = 0.01  # how far off the surface weighs as much as one sigma of a mode:
 def mode_fit(category: Category, wrapper: Wrapper, solid: MeshSolid) -> tuple[np.ndarray, np.ndarray]:
     """z (M,) and vertices (V, 3) of the modes, free in place, that lie nearest to the solid: Gauss-Newton."""
     corners, kinds = wrapper.samples
-    at = lambda v: (v[..., corners, :] * kinds[:, :, None]).sum(-2)  # noqa: E731
+
+    def at(v: np.ndarray) -> np.ndarray:
+        return (v[..., corners, :] * kinds[:, :, None]).sum(-2)
+
     modes, z = at(category.modes), np.zeros(len(category.modes))
     shift = (solid.vertices.min(0) + solid.vertices.max(0)) / 2
     for _ in range(25):

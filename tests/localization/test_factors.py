@@ -15,6 +15,11 @@ from tests.localization.conftest import IMU_FROM_CAMERA
 RATE = np.array([0.02, -0.05, 0.3])
 
 
+def turned(rotation_vector):
+    """The mounting, turned."""
+    return Pose(IMU_FROM_CAMERA.rotation @ exp_so3(rotation_vector), IMU_FROM_CAMERA.translation)
+
+
 def random_pose(rng, size=1.0):
     return Pose(exp_so3(rng.normal(0, size, 3)), rng.normal(0, size, 3))
 
@@ -52,8 +57,7 @@ def test_camera_derivatives(rng):
         assert np.allclose(by_imu, place.by_imu[:, k], atol=1e-6)
     for k in range(3):
         step = np.eye(3)[k]
-        turned = lambda h, s=step: Pose(IMU_FROM_CAMERA.rotation @ exp_so3(h * s), IMU_FROM_CAMERA.translation)  # noqa: E731
-        by_rotation = difference(lambda h, t=turned: place_camera(pose, velocity, t(h), offset, RATE))
+        by_rotation = difference(lambda h, s=step: place_camera(pose, velocity, turned(h * s), offset, RATE))
         assert np.allclose(by_rotation, place.by_rotation[:, k], atol=1e-6)
         by_velocity = difference(lambda h, s=step: place_camera(pose, velocity + h * s, IMU_FROM_CAMERA, offset, RATE))
         assert np.allclose(by_velocity, place.by_velocity[:, k], atol=1e-6)

@@ -112,14 +112,18 @@ def lay_template(wrapper: Wrapper, solid: MeshSolid) -> Floats:
     """Shrink the sphere (V, 3) onto a solid through ever finer closings of it, vertices spread evenly."""
     size, middle = np.ptp(solid.vertices, axis=0), (solid.vertices.min(0) + solid.vertices.max(0)) / 2
     vertices = wrapper.sphere.vertices * (0.6 * size) + middle
-    even = lambda points: np.ones(len(points))  # noqa: E731
     for share in BALLS:
         closed = solid.closed(share * float(size.max()))
         vertices = wrapper.symmetrized(project(closed, vertices, 12))
-        vertices = wrapper.relax(closed, vertices, even, 60)
+        vertices = wrapper.relax(closed, vertices, _even, 60)
     vertices = wrapper.symmetrized(project(solid.field, vertices, 4))
-    vertices = wrapper.relax(solid.field, vertices, even, 20)
+    vertices = wrapper.relax(solid.field, vertices, _even, 20)
     return wrapper.fit(solid.field, vertices, smoothness=0.1, iterations=8)
+
+
+def _even(points: Floats) -> Floats:
+    """Ask for one density everywhere."""
+    return np.ones(len(points))
 
 
 def size_modes(mean: Floats, sigma: float) -> Floats:

@@ -1,25 +1,12 @@
 use meshslam_core::factor::square_root;
 use meshslam_core::lie::Pose;
-use meshslam_core::object::Model;
-use meshslam_core::residuals::border::BorderNoise;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::residuals::keypoints::KeypointObservation;
 use meshslam_core::template::Template;
 use meshslam_core::view::View;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::common::{camera, icosphere, ideal_view, looking, placed, signed};
-
-fn model() -> Model {
-    Model {
-        border: BorderNoise { sigma_px: 1.5, correlation_px: 20.0, kernel: Kernel::Huber(3.0), cap_px: 60.0 },
-        outline_step_px: 1.0,
-        keypoint_position_sigma_m: 0.0,
-        keypoint_kernel: Kernel::GemanMcClure(3.0),
-        free_form_sigma_m: 0.1,
-        smoothness_sigma_m: 0.02,
-    }
-}
+use crate::object::model;
 
 fn template() -> Template {
     let (sphere, faces) = icosphere(2);
