@@ -11,7 +11,7 @@ use crate::lie::{Pose, hat};
 use crate::residuals::border::BorderNoise;
 use crate::residuals::ground::{Ground, ground_rows};
 use crate::residuals::kernel::Kernel;
-use crate::residuals::normal::VertexNormal;
+use crate::residuals::normal::{Dense, FreeForm, VertexNormal};
 use crate::residuals::{Row, Rows, Term, object_derivative};
 use crate::solve::envelope::Envelope;
 use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marquardt};
@@ -19,6 +19,7 @@ use crate::template::Template;
 use crate::view::View;
 use layout::{Layout, free_form_prior, multiply};
 pub use uncertainty::{Uncertainty, uncertainty};
+use views::{MatchedView, view_keypoint_rows};
 pub(crate) use views::view_rows;
 pub use views::{border_distances, mask_iou};
 
@@ -48,6 +49,10 @@ impl ObjectState {
 fn whitened_velocity(state: &ObjectState) -> Vector3<f64> {
     let in_object = state.world_from_object.rotation.transpose() * state.velocity;
     in_object.component_div(&Vector3::from(VELOCITY_SIGMA_M_S))
+}
+
+fn camera_from_object(view: &View, state: &ObjectState) -> Pose {
+    view.world_from_camera.inverse().compose(&state.pose_at(view.time_s))
 }
 
 /// Which blocks move.
@@ -91,6 +96,15 @@ pub struct ObjectProblem<'a> {
     layout: Layout,
     free_form_prior: Option<Envelope>,
     keypoint_views: Vec<u32>,
+    work: Workspace,
+}
+
+/// Buffers that one evaluation after another reuses.
+#[derive(Default)]
+struct Workspace {
+    matched: MatchedView,
+    borders: VertexNormal,
+    rows: Rows,
 }
 
 impl<'a> ObjectProblem<'a> {
@@ -106,7 +120,8 @@ impl<'a> ObjectProblem<'a> {
         let layout = Layout::new(template, scope);
         let free_form_prior = scope.free_form.then(|| free_form_prior(template, &layout, &model));
         let keypoint_views = vec![1; template.keypoints.len()];
-        Self { template, views, ground, model, scope, layout, free_form_prior, keypoint_views }
+        let work = Workspace::default();
+        Self { template, views, ground, model, scope, layout, free_form_prior, keypoint_views, work }
     }
 
     /// The same problem with each key point's views sharing one offset of the category: right for a covariance. A
@@ -118,31 +133,60 @@ impl<'a> ObjectProblem<'a> {
         self
     }
 
-    /// Rows of every view and of the ground at a state, with the vertices there.
-    fn rows(&self, state: &ObjectState) -> (Rows, Vec<Vector3<f64>>) {
-        let vertices = self.template.vertices(&state.z, &state.d);
-        let mut rows = Rows::default();
+    /// Rows of all key points and of the ground.
+    fn point_rows(&self, state: &ObjectState, vertices: &[Vector3<f64>], rows: &mut Rows) {
+        rows.clear();
         for view in self.views {
             rows.set_time(view.time_s);
-            self.view_rows(view, state, &vertices, &mut rows);
+            let camera_from_object = camera_from_object(view, state);
+            let shared = &self.keypoint_views;
+            view_keypoint_rows(self.template, &self.model, view, &camera_from_object, vertices, shared, rows);
         }
         rows.set_time(0.0);
         if let Some(ground) = &self.ground {
-            ground_rows(
-                &state.world_from_object,
-                &vertices,
-                &self.template.contacts,
-                ground,
-                Kernel::Squared,
-                &mut rows,
-            );
+            let contacts = &self.template.contacts;
+            ground_rows(&state.world_from_object, vertices, contacts, ground, Kernel::Squared, rows);
         }
-        (rows, vertices)
     }
 
-    fn view_rows(&self, view: &View, state: &ObjectState, vertices: &[Vector3<f64>], rows: &mut Rows) {
-        let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
-        view_rows(self.template, &self.model, view, &camera_from_object, vertices, &self.keypoint_views, rows);
+    /// Add the normal equations of all borders; their cost.
+    fn add_borders(
+        &self,
+        state: &ObjectState,
+        vertices: &[Vector3<f64>],
+        work: &mut Workspace,
+        hessian: &mut Envelope,
+        gradient: &mut [f64],
+    ) -> f64 {
+        let Workspace { matched, borders, .. } = work;
+        let free_form = FreeForm { symmetry: &self.template.symmetry, position: &self.layout.position };
+        let free_form = self.scope.free_form.then_some(&free_form);
+        let mut gather = |borders: &mut VertexNormal, time_s: f64| {
+            let dense = self.dense(state, vertices, time_s);
+            borders.gather(&dense, free_form, self.layout.free_form, hessian, gradient);
+            borders.clear(vertices.len());
+        };
+        borders.clear(vertices.len());
+        let mut cost = 0.0;
+        for view in self.views.iter().filter(|view| !view.border.is_empty()) {
+            let camera_from_object = camera_from_object(view, state);
+            matched.find(self.template, &self.model, view, &camera_from_object, vertices);
+            let MatchedView { points, samples, border, .. } = &*matched;
+            let noise = &self.model.border;
+            cost += borders.add_border(&view.camera, &camera_from_object.rotation, points, samples, border, noise);
+            if self.scope.velocity {
+                gather(borders, view.time_s); // vertices move with a velocity by its time
+            }
+        }
+        gather(borders, 0.0);
+        cost
+    }
+
+    /// How vertices move with the dense parameters, at a time.
+    fn dense<'b>(&'b self, state: &ObjectState, vertices: &'b [Vector3<f64>], time_s: f64) -> Dense<'b> {
+        let modes = if self.scope.modes { (self.template.modes.as_slice(), self.template.mode_count) } else { (&[][..], 0) };
+        let velocity = self.scope.velocity.then(|| state.world_from_object.rotation.transpose() * time_s);
+        Dense { vertices, modes, velocity }
     }
 
     /// Cost of the priors at a state: z ~ N(0, I), d as in [`free_form_prior`].
@@ -258,22 +302,29 @@ impl<'a> ObjectProblem<'a> {
 impl Problem for ObjectProblem<'_> {
     type State = ObjectState;
 
-    fn cost(&self, state: &ObjectState) -> f64 {
-        self.rows(state).0.cost() + self.prior_cost(state)
+    fn cost(&mut self, state: &ObjectState) -> f64 {
+        let mut work = std::mem::take(&mut self.work);
+        let vertices = self.template.vertices(&state.z, &state.d);
+        self.point_rows(state, &vertices, &mut work.rows);
+        let mut cost = work.rows.cost() + self.prior_cost(state);
+        for view in self.views.iter().filter(|view| !view.border.is_empty()) {
+            work.matched.find(self.template, &self.model, view, &camera_from_object(view, state), &vertices);
+            cost += work.matched.border.cost(self.model.border.kernel);
+        }
+        self.work = work;
+        cost
     }
 
-    fn linearize(&self, state: &ObjectState, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
-        let (rows, vertices) = self.rows(state);
-        let mut borders = VertexNormal::new(vertices.len());
-        for (row, terms) in rows.iter() {
-            match terms {
-                // rows of the border, nearly all: gathered over the two vertices first
-                [first, second] if !self.scope.free_form && !self.scope.velocity => borders.add(row, first, second),
-                _ => self.add_row(row, terms, state, &vertices, hessian, gradient),
-            }
+    fn linearize(&mut self, state: &ObjectState, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
+        let mut work = std::mem::take(&mut self.work);
+        let vertices = self.template.vertices(&state.z, &state.d);
+        self.point_rows(state, &vertices, &mut work.rows);
+        for (row, terms) in work.rows.iter() {
+            self.add_row(row, terms, state, &vertices, hessian, gradient);
         }
-        let modes = self.scope.modes.then_some(self.template);
-        borders.gather(&vertices, modes, self.layout.free_form, hessian, gradient);
+        let cost = work.rows.cost() + self.prior_cost(state);
+        let cost = cost + self.add_borders(state, &vertices, &mut work, hessian, gradient);
+        self.work = work;
         if self.scope.modes {
             let base = self.layout.free_form + 6;
             for (k, c) in state.z.iter().enumerate() {
@@ -289,7 +340,7 @@ impl Problem for ObjectProblem<'_> {
             gradient.iter_mut().zip(&product).for_each(|(g, p)| *g += p);
             hessian.add_matrix(prior);
         }
-        rows.cost() + self.prior_cost(state)
+        cost
     }
 
     fn retract(&self, state: &ObjectState, step: &[f64]) -> ObjectState {
@@ -337,7 +388,7 @@ pub fn refine(
 ) -> Result<Estimate> {
     check_length("mode coefficients", state.z.len(), template.mode_count)?;
     check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
-    let problem = ObjectProblem::new(template, views, ground, model, scope);
-    let (state, report) = levenberg_marquardt(&problem, state, options);
+    let mut problem = ObjectProblem::new(template, views, ground, model, scope);
+    let (state, report) = levenberg_marquardt(&mut problem, state, options);
     Ok(Estimate { state, report })
 }

@@ -1,10 +1,11 @@
 //! The outline of a mesh in a view: where moving a vertex moves the border of its mask.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2x3, Vector2, Vector3};
 
 use crate::camera::Camera;
 use crate::mesh::Topology;
 use crate::raster::{NEAR_M, Rect};
+use crate::rounding::{ceil, nearest};
 use crate::silhouette::Silhouette;
 
 /// A point of the outline.
@@ -14,14 +15,33 @@ pub struct OutlineSample {
     pub pixel: Vector2<f64>,
     /// Unit normal on the image, away from the mesh.
     pub normal: Vector2<f64>,
-    /// The point in the camera's frame.
-    pub point_in_camera: Vector3<f64>,
     /// The edge's vertices.
     pub vertices: [u32; 2],
-    /// Weight of the second vertex: the point is (1 − s) γ_a + s γ_b.
-    pub weight: f64,
+    /// Share of the second vertex, t: along the edge on the image, or in space if the near plane cuts the edge.
+    pub share: f64,
     /// Length of outline that the sample stands for, pixels.
     pub length: f64,
+    /// Whether the near plane cuts the edge.
+    pub cut: bool,
+}
+
+impl OutlineSample {
+    /// Derivatives of the pixel over the edge's ends in the camera's frame: of y = (1 − t) y_a + t y_b, or of the projection of
+    /// x = (1 − t) γ_a + t γ_b where an end has no pixel.
+    #[must_use]
+    pub fn levers(&self, camera: &Camera, points_in_camera: &[Vector3<f64>]) -> [Matrix2x3<f64>; 2] {
+        let [a, b] = self.vertices.map(|v| points_in_camera[v as usize]);
+        let (p, q) = if self.cut { (a.lerp(&b, self.share), a.lerp(&b, self.share)) } else { (a, b) };
+        [camera.projection_jacobian(&p) * (1.0 - self.share), camera.projection_jacobian(&q) * self.share]
+    }
+
+    /// Share of the second vertex in space, s: the sample shows the point (1 − s) γ_a + s γ_b.
+    #[must_use]
+    pub fn share_in_space(&self, points_in_camera: &[Vector3<f64>]) -> f64 {
+        let [a, b] = self.vertices.map(|v| points_in_camera[v as usize].z);
+        // the inverse depth is affine along the projected edge
+        if self.cut { self.share } else { self.share * a / (b + self.share * (a - b)) }
+    }
 }
 
 /// How far beyond the outline its outer side is probed, pixels.
@@ -82,16 +102,10 @@ pub fn outline(
 }
 
 /// The same samples of a mesh that was drawn by its contour: the edges are known, and runs of pixels stand for the mask.
-pub fn contour_samples(
-    points_in_camera: &[Vector3<f64>],
-    drawn: &Silhouette,
-    step_px: f64,
-    out: &mut Vec<OutlineSample>,
-) {
+pub fn contour_samples(drawn: &Silhouette, step_px: f64, out: &mut Vec<OutlineSample>) {
     for &[a, b] in &drawn.contour {
         let vertices = [a.min(b), a.max(b)];
         let [from, to] = vertices.map(|v| drawn.pixels[v as usize]);
-        let [p, q] = vertices.map(|v| points_in_camera[v as usize]);
         let length = (to - from).norm();
         if length < 1e-9 {
             continue;
@@ -99,34 +113,18 @@ pub fn contour_samples(
         let along = (to - from) / length;
         let outward = Vector2::new(-along.y, along.x);
         let normal = if a < b { outward } else { -outward };
-        let count = (length / step_px).ceil().min(MOST_SAMPLES) as usize;
+        let count = ceil((length / step_px).min(MOST_SAMPLES));
+        let (each, length) = (1.0 / count as f64, length / count as f64);
         for k in 0..count {
-            let t = (k as f64 + 0.5) / count as f64;
-            let pixel = from + (to - from) * t;
+            let share = (k as f64 + 0.5) * each;
+            let pixel = from + (to - from) * share;
             let probe = pixel + normal * PROBE_PX;
-            let inside = drawn.rect.index(nearest(pixel.x), nearest(pixel.y)).is_some();
-            if !inside || drawn.covers(nearest(probe.x), nearest(probe.y)) {
-                continue;
+            let inside = !drawn.clipped || drawn.rect.index(nearest(pixel.x), nearest(pixel.y)).is_some();
+            if inside && !drawn.covers(nearest(probe.x), nearest(probe.y)) {
+                out.push(OutlineSample { pixel, normal, vertices, share, length, cut: false });
             }
-            let weight = t * p.z / (q.z + t * (p.z - q.z)); // the inverse depth is affine along the projected edge
-            out.push(OutlineSample {
-                pixel,
-                normal,
-                point_in_camera: p + (q - p) * weight,
-                vertices,
-                weight,
-                length: length / count as f64,
-            });
         }
     }
-}
-
-/// The pixel whose centre is nearest to a coordinate; without a call into the mathematics library.
-#[inline]
-pub(crate) fn nearest(x: f64) -> i64 {
-    let shifted = x + 0.5;
-    let whole = shifted as i64;
-    whole.saturating_sub(i64::from(whole as f64 > shifted))
 }
 
 /// Sample the part of an edge that lies before the near plane; `third` tells which side the mesh is on.
@@ -155,20 +153,20 @@ fn sample_edge(
     if plane.dot(&outer) * plane.dot(&third) > 0.0 {
         normal = -normal;
     }
+    let cut = (start, end) != (0.0, 1.0);
     let count = (length / step_px).ceil().min(MOST_SAMPLES) as usize;
     for k in 0..count {
         let t = (k as f64 + 0.5) / count as f64;
         let within = t * p.z / (q.z + t * (p.z - q.z)); // the inverse depth is affine along the projected edge
-        let weight = start + (end - start) * within;
-        let sample = OutlineSample {
+        let share = if cut { start + (end - start) * within } else { t };
+        visit(OutlineSample {
             pixel: from + (to - from) * t,
             normal,
-            point_in_camera: at(weight),
             vertices,
-            weight,
+            share,
             length: length / count as f64,
-        };
-        visit(sample);
+            cut,
+        });
     }
 }
 

@@ -43,9 +43,9 @@ impl Rect {
     /// Flat index of a pixel, if it lies inside.
     #[must_use]
     pub fn index(&self, x: i64, y: i64) -> Option<usize> {
-        let (u, v) = (x.saturating_sub(self.x0), y.saturating_sub(self.y0));
-        let inside = u >= 0 && v >= 0 && (u as usize) < self.width && (v as usize) < self.height;
-        inside.then(|| v as usize * self.width + u as usize)
+        // a negative difference is a great one without its sign
+        let (u, v) = (x.wrapping_sub(self.x0) as u64, y.wrapping_sub(self.y0) as u64);
+        (u < self.width as u64 && v < self.height as u64).then(|| v as usize * self.width + u as usize)
     }
 
     /// The part that both share.

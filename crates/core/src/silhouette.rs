@@ -10,6 +10,7 @@ use nalgebra::{Vector2, Vector3};
 use crate::camera::Camera;
 use crate::mesh::Topology;
 use crate::raster::{NEAR_M, Rect, fill_mask};
+use crate::rounding::ceil;
 
 /// Vertices farther off the image than this are left to the triangles, pixels.
 const FARTHEST_PX: f64 = 1e5;
@@ -51,6 +52,8 @@ pub struct Silhouette {
     pub spans: Vec<(u32, u32, u32)>,
     /// First span of each row of `rect`; one entry more than rows.
     pub span_start: Vec<u32>,
+    /// Whether the image's edge cuts the mesh off.
+    pub clipped: bool,
     /// Whether contour, rows and spans are filled in; else `mask` is.
     pub by_contour: bool,
     /// The contour's crossings with rows.
@@ -65,7 +68,9 @@ impl Silhouette {
     pub fn draw(&mut self, camera: &Camera, points_in_camera: &[Vector3<f64>], topology: &Topology) {
         let before = self.project(camera, points_in_camera);
         let image = Rect::image(camera);
-        self.rect = if before { Rect::around(self.pixels.iter().copied()).intersection(&image) } else { image };
+        let around = if before { Rect::around(self.pixels.iter().copied()) } else { image };
+        self.rect = around.intersection(&image);
+        self.clipped = self.rect != around;
         self.contour.clear();
         self.spans.clear();
         self.by_contour = before && topology.closed;
@@ -83,12 +88,12 @@ impl Silhouette {
     #[inline]
     #[must_use]
     pub fn covers(&self, x: i64, y: i64) -> bool {
-        let (u, v) = (x - self.rect.x0, y - self.rect.y0);
-        if v < 0 || v >= self.rect.height as i64 || u < 0 {
+        let (u, v) = (x.wrapping_sub(self.rect.x0) as u64, y.wrapping_sub(self.rect.y0) as u64);
+        if v >= self.rect.height as u64 {
             return false;
         }
         let (from, to) = (self.span_start[v as usize] as usize, self.span_start[v as usize + 1] as usize);
-        self.spans[from..to].iter().any(|&(_, start, end)| u >= i64::from(start) && u < i64::from(end))
+        self.spans[from..to].iter().any(|&(_, start, end)| u >= u64::from(start) && u < u64::from(end))
     }
 
     /// The mask drawn: 1 where the mesh covers the pixel's centre, row-major over `rect`.
@@ -212,13 +217,6 @@ impl Rows {
             span_start.push(spans.len() as u32);
         }
     }
-}
-
-/// The smallest whole number not below, of a number that an i64 holds; without a call into the mathematics library.
-#[inline]
-fn ceil(x: f64) -> i64 {
-    let whole = x as i64;
-    whole + i64::from((whole as f64) < x)
 }
 
 /// Rows have a handful of crossings.

@@ -5,6 +5,11 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::mesh::{Symmetry, Topology, cotangent_weights};
 use crate::residuals::ground::{Contact, contacts};
+use crate::residuals::normal::MOST_COLUMNS;
+use crate::simd::wide;
+
+/// Modes that fit beside a pose and a velocity.
+const MOST_MODES: usize = MOST_COLUMNS - 9;
 
 /// A category's mean mesh, its modes, its symmetry and its key points.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +22,8 @@ pub struct Template {
     pub modes: Vec<Vector3<f64>>,
     /// How many modes there are.
     pub mode_count: usize,
+    /// The same displacements mode by mode: coordinates of all vertices.
+    displacements: Vec<[f64; 3]>,
     /// The free-form basis S.
     pub symmetry: Symmetry,
     /// Columns of the key point association A: (vertex, weight) of each key point.
@@ -49,6 +56,12 @@ impl Template {
         check_finite("vertices", mean.iter().flat_map(|v| v.iter().copied()).collect::<Vec<_>>().as_slice())?;
         check_finite("modes", modes.iter().flat_map(|v| v.iter().copied()).collect::<Vec<_>>().as_slice())?;
         check_length("modes", modes.len() % count, 0)?;
+        let mode_count = modes.len() / count;
+        if mode_count > MOST_MODES {
+            return Err(Error::Range { what: "mode count", expected: "at most 55", found: mode_count as f64 });
+        }
+        let displacements =
+            (0..mode_count).flat_map(|k| modes[k..].iter().step_by(mode_count).map(|v| [v.x, v.y, v.z])).collect();
         let topology = Topology::new(count, faces)?;
         let symmetry = Symmetry::new(count, mirror)?;
         for &(vertex, weight) in keypoints.iter().flatten() {
@@ -66,7 +79,8 @@ impl Template {
         let relative_area = relative_areas(&topology, &mean, &symmetry);
         let contacts = contacts(&mean, &wheels);
         Ok(Self {
-            mode_count: modes.len() / count,
+            mode_count,
+            displacements,
             topology,
             mean,
             modes,
@@ -87,13 +101,20 @@ impl Template {
     /// Vertices of the shape with mode coefficients `z` and free-form displacement `d` (which may be empty).
     #[must_use]
     pub fn vertices(&self, z: &[f64], d: &[f64]) -> Vec<Vector3<f64>> {
-        let still = d.iter().all(|x| *x == 0.0);
-        (0..self.mean.len())
-            .map(|i| {
-                let moved = self.modes_of(i).iter().zip(z).fold(self.mean[i], |v, (mode, c)| v + mode * *c);
-                if still { moved } else { moved + self.symmetry.displacement(i, d) }
-            })
-            .collect()
+        let mut moved: Vec<[f64; 3]> = self.mean.iter().map(|v| [v.x, v.y, v.z]).collect();
+        let flat = moved.as_flattened_mut();
+        wide(
+            #[inline(always)]
+            || {
+                for (mode, coefficient) in self.displacements.chunks_exact(self.mean.len()).zip(z) {
+                    flat.iter_mut().zip(mode.as_flattened()).for_each(|(x, by)| *x = by.mul_add(*coefficient, *x));
+                }
+            },
+        );
+        if d.iter().all(|x| *x == 0.0) {
+            return moved.into_iter().map(Vector3::from).collect();
+        }
+        moved.into_iter().enumerate().map(|(i, v)| Vector3::from(v) + self.symmetry.displacement(i, d)).collect()
     }
 }
 

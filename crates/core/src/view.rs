@@ -5,9 +5,9 @@ use nalgebra::Vector2;
 use crate::camera::Camera;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::lie::Pose;
-use crate::outline::nearest;
 use crate::raster::Rect;
 use crate::residuals::keypoints::KeypointObservation;
+use crate::rounding::{floor, nearest};
 
 /// A point of an observed mask's border.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +45,17 @@ pub struct View {
     pub surface_sigma_px: f64,
     /// The key points seen.
     pub keypoints: Vec<KeypointObservation>,
+}
+
+/// What the observed border says at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Look {
+    /// Signed distance to the border, pixels, negative inside the mask.
+    pub distance_px: f64,
+    /// Its gradient.
+    pub direction: Vector2<f64>,
+    /// Whether the nearest border is the object's own.
+    pub own: bool,
 }
 
 impl View {
@@ -102,6 +113,27 @@ impl View {
         row * self.crop.width + column
     }
 
+    /// What the observed border says at a pixel; nothing off the image and behind occluders.
+    #[inline(always)]
+    #[must_use]
+    pub fn look(&self, pixel: &Vector2<f64>) -> Option<Look> {
+        if !self.in_image(pixel) {
+            return None;
+        }
+        let (x, y) = (pixel.x - self.crop.x0 as f64, pixel.y - self.crop.y0 as f64);
+        let (i, j) = (floor(x) as usize, floor(y) as usize);
+        if i >= self.crop.width - 1 || j >= self.crop.height - 1 {
+            let (distance_px, direction) = self.distance(pixel);
+            return (!self.is_hidden(pixel)).then(|| Look { distance_px, direction, own: self.border_is_own(pixel) });
+        }
+        let (s, t) = (x - i as f64, y - j as f64);
+        let at = j * self.crop.width + i;
+        let nearest = at + usize::from(s >= 0.5) + if t >= 0.5 { self.crop.width } else { 0 };
+        let corners = (&self.distance_px[at..at + 2], &self.distance_px[at + self.crop.width..at + self.crop.width + 2]);
+        let (distance_px, direction) = bilinear(corners, s, t);
+        (self.hidden[nearest] == 0).then(|| Look { distance_px, direction, own: self.cut[nearest] == 0 })
+    }
+
     /// Whether an occluder covers a pixel; beyond the crop none is known.
     #[must_use]
     pub fn is_hidden(&self, pixel: &Vector2<f64>) -> bool {
@@ -122,10 +154,8 @@ impl View {
         let clamped = Vector2::new(relative.x.clamp(0.0, w as f64 - 1.0), relative.y.clamp(0.0, h as f64 - 1.0));
         let (i, j) = ((clamped.x as usize).min(w.saturating_sub(2)), (clamped.y as usize).min(h.saturating_sub(2)));
         let (s, t) = (clamped.x - i as f64, clamped.y - j as f64);
-        let at = |u: usize, v: usize| f64::from(self.distance_px[v.min(h - 1) * w + u.min(w - 1)]);
-        let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
-        let value = (a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t;
-        let gradient = Vector2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s);
+        let at = |u: usize, v: usize| self.distance_px[v.min(h - 1) * w + u.min(w - 1)];
+        let (value, gradient) = bilinear((&[at(i, j), at(i + 1, j)], &[at(i, j + 1), at(i + 1, j + 1)]), s, t);
         let beyond = relative - clamped;
         let far = beyond.norm();
         if far > 0.0 {
@@ -139,4 +169,12 @@ impl View {
         }
         (value, gradient)
     }
+}
+
+/// A bilinear function with the values (a, b) and (c, d) at its corners, at (s, t) of the way, with its gradient.
+#[inline(always)]
+fn bilinear((above, below): (&[f32], &[f32]), s: f64, t: f64) -> (f64, Vector2<f64>) {
+    let [a, b, c, d] = [above[0], above[1], below[0], below[1]].map(f64::from);
+    let value = (a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t;
+    (value, Vector2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s))
 }

@@ -229,7 +229,7 @@ impl Template {
         check_shape("d", &[state.d.len()], &[Some(self.inner.symmetry.dimension())])?;
         let scope = Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 };
         Ok(py.detach(|| {
-            let problem = ObjectProblem::new(&self.inner, &views, ground, model, scope);
+            let mut problem = ObjectProblem::new(&self.inner, &views, ground, model, scope);
             let (mut hessian, mut gradient) = (problem.structure(), Vec::new());
             let mut once = || {
                 hessian.clear();

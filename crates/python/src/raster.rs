@@ -104,7 +104,7 @@ pub fn outline<'py>(
                 s.normal.y,
                 f64::from(s.vertices[0]),
                 f64::from(s.vertices[1]),
-                s.weight,
+                s.share_in_space(&vertices),
                 s.length,
             ]
         })

@@ -10,8 +10,9 @@ use super::{Chain, MaskGradient, ObservedMask, loss_slopes};
 use crate::camera::Camera;
 use crate::lie::Pose;
 use crate::mesh::Topology;
-use crate::outline::{nearest, outline};
+use crate::outline::outline;
 use crate::raster::Rect;
+use crate::rounding::nearest;
 use crate::silhouette::Silhouette;
 use crate::visible::{Piece, Visible};
 
@@ -174,8 +175,8 @@ fn integrate_samples(
     {
         let inside = observed.at(s.pixel.x.round() as i64, s.pixel.y.round() as i64) > 0;
         let on_image = s.normal * (s.length * if inside { slopes.0 } else { slopes.1 });
-        let g = chain.lift(&s.point_in_camera, &on_image);
-        in_camera[s.vertices[0] as usize] += g * (1.0 - s.weight);
-        in_camera[s.vertices[1] as usize] += g * s.weight;
+        for (vertex, lever) in s.vertices.into_iter().zip(s.levers(chain.camera, chain.points_in_camera)) {
+            in_camera[vertex as usize] += lever.transpose() * on_image;
+        }
     }
 }

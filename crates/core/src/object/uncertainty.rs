@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::{Model, ObjectProblem, ObjectState, Scope};
+use super::{Model, ObjectProblem, ObjectState, Scope, camera_from_object, view_rows};
 use crate::error::{Result, check_length};
 use crate::residuals::Rows;
 use crate::residuals::ground::Ground;
@@ -40,7 +40,7 @@ pub fn uncertainty(
 ) -> Result<Uncertainty> {
     check_length("mode coefficients", state.z.len(), template.mode_count)?;
     check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
-    let problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
+    let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let mut factor = problem.structure();
     let mut gradient = vec![0.0; factor.size()];
     problem.linearize(state, &mut factor, &mut gradient);
@@ -121,7 +121,11 @@ fn observed_vertices(problem: &ObjectProblem, state: &ObjectState) -> Vec<bool> 
     let symmetry = &problem.template.symmetry;
     let vertices = problem.template.vertices(&state.z, &state.d);
     let mut rows = Rows::default();
-    problem.views.iter().for_each(|view| problem.view_rows(view, state, &vertices, &mut rows));
+    for view in problem.views {
+        let camera_from_object = camera_from_object(view, state);
+        let shared = &problem.keypoint_views;
+        view_rows(problem.template, &problem.model, view, &camera_from_object, &vertices, shared, &mut rows);
+    }
     let mut information = vec![0.0; symmetry.representative.len()];
     for (row, terms) in rows.iter() {
         let weight = row.weight * row.kernel.weight(row.residual * row.residual);

@@ -7,11 +7,56 @@ use crate::lie::Pose;
 use crate::outline::{OutlineSample, contour_samples, outline};
 use crate::raster::{Rect, fill_mask};
 use crate::residuals::Rows;
-use crate::residuals::border::border_rows;
+use crate::residuals::border::{BorderMatch, backward_distances};
 use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
 use crate::silhouette::Silhouette;
 use crate::template::Template;
 use crate::view::View;
+
+/// A view's border matched with the outline of an object; the buffers are reused.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct MatchedView {
+    pub(super) points: Vec<Vector3<f64>>,
+    drawn: Silhouette,
+    pub(super) samples: Vec<OutlineSample>,
+    pub(super) border: BorderMatch,
+}
+
+impl MatchedView {
+    /// Draw the object, sample its outline, match it with the observed border.
+    pub(super) fn find(
+        &mut self,
+        template: &Template,
+        model: &Model,
+        view: &View,
+        camera_from_object: &Pose,
+        vertices: &[Vector3<f64>],
+    ) {
+        self.sample_outline(view, camera_from_object, vertices, template, model.outline_step_px);
+        self.border.find(view, &self.samples, &model.border);
+    }
+
+    fn sample_outline(
+        &mut self,
+        view: &View,
+        camera_from_object: &Pose,
+        vertices: &[Vector3<f64>],
+        template: &Template,
+        step_px: f64,
+    ) {
+        let Self { points, drawn, samples, .. } = self;
+        points.clear();
+        points.extend(vertices.iter().map(|v| camera_from_object.transform(v)));
+        drawn.draw(&view.camera, points, &template.topology);
+        samples.clear();
+        if drawn.by_contour {
+            contour_samples(drawn, step_px, samples);
+        } else {
+            let rect = drawn.rect;
+            *samples = outline(&view.camera, points, &template.topology, &rect, drawn.mask(), step_px);
+        }
+    }
+}
 
 /// Rows of one view's border and key points; `keypoint_views` says in how many views each key point shares its offset.
 pub(crate) fn view_rows(
@@ -24,9 +69,24 @@ pub(crate) fn view_rows(
     rows: &mut Rows,
 ) {
     if !view.border.is_empty() {
-        let samples = view_outline(view, camera_from_object, vertices, template, model.outline_step_px);
-        border_rows(view, camera_from_object, &samples, &model.border, rows);
+        let mut matched = MatchedView::default();
+        matched.find(template, model, view, camera_from_object, vertices);
+        let MatchedView { points, samples, border, .. } = &matched;
+        border.push_rows(&view.camera, camera_from_object, points, samples, &model.border, rows);
     }
+    view_keypoint_rows(template, model, view, camera_from_object, vertices, keypoint_views, rows);
+}
+
+/// The key points' part of [`view_rows`].
+pub(super) fn view_keypoint_rows(
+    template: &Template,
+    model: &Model,
+    view: &View,
+    camera_from_object: &Pose,
+    vertices: &[Vector3<f64>],
+    keypoint_views: &[u32],
+    rows: &mut Rows,
+) {
     for observation in &view.keypoints {
         let association = &template.keypoints[observation.index];
         let views = keypoint_views[observation.index];
@@ -34,27 +94,6 @@ pub(crate) fn view_rows(
         let kernel = model.keypoint_kernel;
         keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
     }
-}
-
-/// Outline of the mesh in a view, with the mesh's own mask drawn where it or the observed mask may lie.
-fn view_outline(
-    view: &View,
-    camera_from_object: &Pose,
-    vertices: &[Vector3<f64>],
-    template: &Template,
-    step_px: f64,
-) -> Vec<OutlineSample> {
-    let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let mut drawn = Silhouette::default();
-    drawn.draw(&view.camera, &points, &template.topology);
-    let mut samples = Vec::new();
-    if drawn.by_contour {
-        contour_samples(&points, &drawn, step_px, &mut samples);
-    } else {
-        let rect = drawn.rect;
-        samples = outline(&view.camera, &points, &template.topology, &rect, drawn.mask(), step_px);
-    }
-    samples
 }
 
 /// The part of the image that a mesh may cover.
@@ -97,6 +136,7 @@ pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>]
 pub fn border_distances(template: &Template, view: &View, state: &ObjectState, step_px: f64) -> Vec<f64> {
     let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
     let vertices = template.vertices(&state.z, &state.d);
-    let samples = view_outline(view, &camera_from_object, &vertices, template, step_px);
-    crate::residuals::border::backward_distances(view, &samples)
+    let mut matched = MatchedView::default();
+    matched.sample_outline(view, &camera_from_object, &vertices, template, step_px);
+    backward_distances(view, &matched.samples)
 }

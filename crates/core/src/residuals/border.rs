@@ -11,7 +11,8 @@ use super::{Rows, Term, kernel::Kernel, nearest::Cells};
 use crate::camera::Camera;
 use crate::lie::Pose;
 use crate::outline::OutlineSample;
-use crate::view::View;
+use crate::simd::wide;
+use crate::view::{BorderPoint, Look, View};
 
 /// How border residuals are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,63 +27,116 @@ pub struct BorderNoise {
     pub cap_px: f64,
 }
 
-/// Rows of both directions for one view. The mask's error σ and the surface's s add in variance: rows keep the kernel of
-/// σ, and weigh σ²/(σ² + s²).
-pub fn border_rows(
-    view: &View,
-    camera_from_object: &Pose,
-    samples: &[OutlineSample],
-    noise: &BorderNoise,
-    rows: &mut Rows,
-) {
-    let used: Vec<(&OutlineSample, f64, Vector2<f64>)> =
-        samples.iter().filter_map(|s| forward_residual(view, s).map(|(r, g)| (s, r, g))).collect();
-    let drawn: f64 = used.iter().map(|(s, _, _)| s.length).sum();
-    let trust = noise.sigma_px.powi(2) / (noise.sigma_px.powi(2) + view.surface_sigma_px.powi(2));
-    let share = 0.5 * trust / noise.correlation_px; // both ways tell the same once
-    if drawn > 0.0 {
-        let normalized = share * view.border_length_px / drawn;
-        for (sample, residual, gradient) in used {
-            push(view, camera_from_object, sample, residual, gradient, normalized * sample.length, noise, rows);
-        }
-    } else {
-        rows.push_constant(
-            0.5 * share * view.border_length_px * noise.kernel.loss((noise.cap_px / noise.sigma_px).powi(2)),
+/// What the observed border asks of one sample of the outline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pull {
+    /// The sample.
+    pub sample: u32,
+    /// Its signed distance over σ, cut at the cap.
+    pub residual: f64,
+    /// Derivative of the distance over the sample's pixel.
+    pub direction: Vector2<f64>,
+    /// The share of an independent observation that it is.
+    pub weight: f64,
+}
+
+/// A view's border matched with an outline; the buffers are reused.
+#[derive(Debug, Clone, Default)]
+pub struct BorderMatch {
+    /// Forward pulls in the order of the samples, then backward ones in the order of the border.
+    pub pulls: Vec<Pull>,
+    /// Cost of what no sample explains.
+    pub constant: f64,
+    visible: Vec<u32>,
+    cells: Cells,
+}
+
+impl BorderMatch {
+    /// Match both ways. The mask's error σ and the surface's s add in variance: pulls keep the kernel of σ, and weigh
+    /// σ²/(σ² + s²).
+    pub fn find(&mut self, view: &View, samples: &[OutlineSample], noise: &BorderNoise) {
+        let trust = noise.sigma_px.powi(2) / (noise.sigma_px.powi(2) + view.surface_sigma_px.powi(2));
+        let share = 0.5 * trust / noise.correlation_px; // both ways tell the same once
+        self.constant = 0.0;
+        self.find_forward(view, samples, share, noise);
+        wide(
+            #[inline(always)]
+            || self.find_backward(view, samples, share, noise),
         );
     }
-    backward_rows(view, camera_from_object, samples, share, noise, rows);
-}
 
-/// Signed distance of an outline sample to the observed border with its gradient on the image; none where the observed
-/// border is not the object's own and says nothing about it.
-fn forward_residual(view: &View, sample: &OutlineSample) -> Option<(f64, Vector2<f64>)> {
-    if !view.in_image(&sample.pixel) || view.is_hidden(&sample.pixel) {
-        return None;
+    /// Robust cost ½ Σ w ρ(r²).
+    #[must_use]
+    pub fn cost(&self, kernel: Kernel) -> f64 {
+        let of_pulls: f64 = self.pulls.iter().map(|p| 0.5 * p.weight * kernel.loss(p.residual * p.residual)).sum();
+        self.constant + of_pulls
     }
-    let (distance, gradient) = view.distance(&sample.pixel);
-    (view.border_is_own(&sample.pixel) || distance < 0.0).then_some((distance, gradient))
-}
 
-fn backward_rows(
-    view: &View,
-    camera_from_object: &Pose,
-    samples: &[OutlineSample],
-    share: f64,
-    noise: &BorderNoise,
-    rows: &mut Rows,
-) {
-    let visible = visible_samples(view, samples);
-    for (point, nearest) in view.border.iter().zip(nearest_samples(view, &visible)) {
-        let weight = share * point.length;
-        let Some(sample) = nearest else {
-            if point.own {
-                rows.push_constant(0.5 * weight * noise.kernel.loss((noise.cap_px / noise.sigma_px).powi(2)));
+    /// A row for each pull: its derivative goes to the two ends of the sample's edge. Vertices are given in the camera's frame.
+    pub fn push_rows(
+        &self,
+        camera: &Camera,
+        camera_from_object: &Pose,
+        points_in_camera: &[Vector3<f64>],
+        samples: &[OutlineSample],
+        noise: &BorderNoise,
+        rows: &mut Rows,
+    ) {
+        rows.push_constant(self.constant);
+        for pull in &self.pulls {
+            let sample = &samples[pull.sample as usize];
+            let on_image = pull.direction / noise.sigma_px;
+            let levers = sample.levers(camera, points_in_camera);
+            let terms = [0, 1].map(|end| Term {
+                vertex: sample.vertices[end],
+                gradient: camera_from_object.rotation.transpose() * (levers[end].transpose() * on_image),
+            });
+            rows.push(pull.residual, pull.weight, noise.kernel, terms);
+        }
+    }
+
+    fn find_forward(&mut self, view: &View, samples: &[OutlineSample], share: f64, noise: &BorderNoise) {
+        let Self { pulls, constant, visible, .. } = self;
+        pulls.clear();
+        visible.clear();
+        let mut drawn_px = 0.0;
+        for (sample, at) in samples.iter().zip(0u32..) {
+            let Some(Look { distance_px, direction, own }) = view.look(&sample.pixel) else { continue };
+            visible.push(at);
+            // where the observed border is not the object's own, the object may reach beyond it
+            if own || distance_px < 0.0 {
+                drawn_px += sample.length;
+                pulls.push(Pull { sample: at, residual: whiten(distance_px, noise), direction, weight: sample.length });
             }
-            continue;
-        };
-        let residual = sample.normal.dot(&(sample.pixel - point.pixel));
-        if point.own || residual < 0.0 {
-            push(view, camera_from_object, sample, residual, sample.normal, weight, noise, rows);
+        }
+        if drawn_px > 0.0 {
+            let normalized = share * view.border_length_px / drawn_px;
+            pulls.iter_mut().for_each(|pull| pull.weight *= normalized);
+        } else {
+            *constant += share * view.border_length_px * unexplained(noise);
+        }
+    }
+
+    #[inline(always)]
+    fn find_backward(&mut self, view: &View, samples: &[OutlineSample], share: f64, noise: &BorderNoise) {
+        let Self { pulls, constant, visible, cells } = self;
+        cells.sort(visible.iter().map(|&at| samples[at as usize].pixel));
+        let mut last = None;
+        for point in &view.border {
+            let weight = share * point.length;
+            last = cells.nearest(&point.pixel, last);
+            let Some(nearest) = last else {
+                if point.own {
+                    *constant += weight * unexplained(noise);
+                }
+                continue;
+            };
+            let sample = visible[nearest];
+            let OutlineSample { pixel, normal, .. } = samples[sample as usize];
+            let distance_px = normal.dot(&(pixel - point.pixel));
+            if point.own || distance_px < 0.0 {
+                pulls.push(Pull { sample, residual: whiten(distance_px, noise), direction: normal, weight });
+            }
         }
     }
 }
@@ -90,56 +144,21 @@ fn backward_rows(
 /// nᵀ(x − b) of every border point b; NaN where the border is not the object's own or nothing is near.
 #[must_use]
 pub fn backward_distances(view: &View, samples: &[OutlineSample]) -> Vec<f64> {
-    let visible = visible_samples(view, samples);
-    let paired = view.border.iter().zip(nearest_samples(view, &visible));
-    paired
-        .map(|(point, nearest)| match nearest {
-            Some(sample) if point.own => sample.normal.dot(&(sample.pixel - point.pixel)),
-            _ => f64::NAN,
-        })
-        .collect()
+    let visible: Vec<&OutlineSample> = samples.iter().filter(|s| view.look(&s.pixel).is_some()).collect();
+    let mut cells = Cells::default();
+    cells.sort(visible.iter().map(|s| s.pixel));
+    let distance = |point: &BorderPoint| match cells.nearest(&point.pixel, None) {
+        Some(nearest) if point.own => visible[nearest].normal.dot(&(visible[nearest].pixel - point.pixel)),
+        _ => f64::NAN,
+    };
+    view.border.iter().map(distance).collect()
 }
 
-fn visible_samples<'a>(view: &View, samples: &'a [OutlineSample]) -> Vec<&'a OutlineSample> {
-    samples.iter().filter(|s| view.in_image(&s.pixel) && !view.is_hidden(&s.pixel)).collect()
+fn whiten(distance_px: f64, noise: &BorderNoise) -> f64 {
+    distance_px.clamp(-noise.cap_px, noise.cap_px) / noise.sigma_px
 }
 
-/// The sample nearest to each border point; none where there is no sample.
-fn nearest_samples<'a>(view: &View, visible: &[&'a OutlineSample]) -> Vec<Option<&'a OutlineSample>> {
-    let cells = Cells::new(&visible.iter().map(|s| s.pixel).collect::<Vec<_>>());
-    view.border.iter().map(|p| cells.nearest(&p.pixel).map(|i| visible[i])).collect()
-}
-
-/// Add the row of a residual on the image at an outline sample: its derivative goes to the two ends of the edge.
-#[allow(clippy::too_many_arguments)] // one private call, its arguments are the formula's
-fn push(
-    view: &View,
-    camera_from_object: &Pose,
-    sample: &OutlineSample,
-    residual: f64,
-    gradient: Vector2<f64>,
-    weight: f64,
-    noise: &BorderNoise,
-    rows: &mut Rows,
-) {
-    let in_object =
-        point_gradient(&view.camera, camera_from_object, &sample.point_in_camera, &gradient) / noise.sigma_px;
-    let capped = residual.clamp(-noise.cap_px, noise.cap_px) / noise.sigma_px;
-    let [a, b] = sample.vertices;
-    let terms = [
-        Term { vertex: a, gradient: in_object * (1.0 - sample.weight) },
-        Term { vertex: b, gradient: in_object * sample.weight },
-    ];
-    rows.push(capped, weight, noise.kernel, terms);
-}
-
-/// From a gradient on the image to one over the point in the object's frame.
-fn point_gradient(
-    camera: &Camera,
-    camera_from_object: &Pose,
-    point_in_camera: &Vector3<f64>,
-    on_image: &Vector2<f64>,
-) -> Vector3<f64> {
-    let in_camera = camera.projection_jacobian(point_in_camera).transpose() * on_image;
-    camera_from_object.rotation.transpose() * in_camera
+/// Cost of an independent observation that the model does not explain at all.
+fn unexplained(noise: &BorderNoise) -> f64 {
+    0.5 * noise.kernel.loss((noise.cap_px / noise.sigma_px).powi(2))
 }

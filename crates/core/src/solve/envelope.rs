@@ -4,6 +4,7 @@
 //! few that touch everything last, a thousand free-form parameters cost little more than a band.
 
 use crate::error::{Error, Result};
+use crate::simd::wide;
 
 /// A symmetric matrix, or its Cholesky factor.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +91,14 @@ impl Envelope {
     /// # Errors
     /// [`Error::NotPositiveDefinite`] with the first row that fails.
     pub fn factorize(&mut self) -> Result<()> {
+        wide(
+            #[inline(always)]
+            || self.factorize_rows(),
+        )
+    }
+
+    #[inline(always)]
+    fn factorize_rows(&mut self) -> Result<()> {
         for i in 0..self.size() {
             let (done, rest) = self.values.split_at_mut(self.start[i]);
             let row = &mut rest[..self.start[i + 1] - self.start[i]];
@@ -112,12 +121,17 @@ impl Envelope {
 
     /// Solve L x = b in place, where b is zero before `from`; the matrix must be a factor.
     pub fn forward(&self, b: &mut [f64], from: usize) {
-        for i in from..self.size() {
-            let (f, row) = self.row(i);
-            let begin = f.max(from);
-            let sum = dot(&row[begin - f..i - f], &b[begin..i]);
-            b[i] = (b[i] - sum) / row[i - f];
-        }
+        wide(
+            #[inline(always)]
+            || {
+                for i in from..self.size() {
+                    let (f, row) = self.row(i);
+                    let begin = f.max(from);
+                    let sum = dot(&row[begin - f..i - f], &b[begin..i]);
+                    b[i] = (b[i] - sum) / row[i - f];
+                }
+            },
+        );
     }
 
     /// Solve Lᵀ x = b in place; the matrix must be a factor.
@@ -140,15 +154,15 @@ impl Envelope {
 }
 
 /// Dot product with independent partial sums, so that it vectorizes.
-#[inline]
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
     let mut sums = [0.0; LANES];
     let (left, right) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(x, y)| x * y).sum();
+    let rest = left.remainder().iter().zip(right.remainder()).fold(0.0, |sum: f64, (x, y)| x.mul_add(*y, sum));
     for (x, y) in left.zip(right) {
         for k in 0..LANES {
-            sums[k] += x[k] * y[k];
+            sums[k] = x[k].mul_add(y[k], sums[k]);
         }
     }
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest

@@ -11,10 +11,10 @@ pub trait Problem {
     type State: Clone;
 
     /// The true cost at a state: correspondences, visibility and kernels evaluated anew.
-    fn cost(&self, state: &Self::State) -> f64;
+    fn cost(&mut self, state: &Self::State) -> f64;
 
     /// The normal equations at a state: add the Hessian's approximation and the gradient into cleared buffers, return the cost.
-    fn linearize(&self, state: &Self::State, hessian: &mut Envelope, gradient: &mut [f64]) -> f64;
+    fn linearize(&mut self, state: &Self::State, hessian: &mut Envelope, gradient: &mut [f64]) -> f64;
 
     /// A state moved by a step in its tangent space.
     fn retract(&self, state: &Self::State, step: &[f64]) -> Self::State;
@@ -81,7 +81,7 @@ const MAX_DAMPING: f64 = 1e8;
 const MIN_DAMPING: f64 = 1e-9;
 
 /// Lower the cost from `state`; a step is taken only if the true cost falls.
-pub fn levenberg_marquardt<P: Problem>(problem: &P, mut state: P::State, options: &Options) -> (P::State, Report) {
+pub fn levenberg_marquardt<P: Problem>(problem: &mut P, mut state: P::State, options: &Options) -> (P::State, Report) {
     let mut hessian = problem.structure();
     let mut gradient = vec![0.0; hessian.size()];
     let mut damping = options.initial_damping;
@@ -126,7 +126,7 @@ pub fn levenberg_marquardt<P: Problem>(problem: &P, mut state: P::State, options
 ///
 /// # Errors
 /// [`Error::NotPositiveDefinite`] where nothing holds a parameter, [`Error::Index`] for one that does not exist.
-pub fn covariance<P: Problem>(problem: &P, state: &P::State, chosen: &[usize]) -> Result<DMatrix<f64>> {
+pub fn covariance<P: Problem>(problem: &mut P, state: &P::State, chosen: &[usize]) -> Result<DMatrix<f64>> {
     let mut factor = problem.structure();
     let count = factor.size();
     if let Some(&index) = chosen.iter().find(|&&i| i >= count) {
@@ -152,7 +152,7 @@ pub fn covariance<P: Problem>(problem: &P, state: &P::State, chosen: &[usize]) -
 }
 
 fn try_step<P: Problem>(
-    problem: &P,
+    problem: &mut P,
     state: &P::State,
     cost: f64,
     hessian: &Envelope,

@@ -35,7 +35,7 @@ impl PointProblem<'_> {
 impl Problem for PointProblem<'_> {
     type State = Vector3<f64>;
 
-    fn cost(&self, point: &Vector3<f64>) -> f64 {
+    fn cost(&mut self, point: &Vector3<f64>) -> f64 {
         let of = |s: &Sight| {
             let x = s.camera_from_world.transform(point);
             if x.z < NEAR_M {
@@ -47,7 +47,7 @@ impl Problem for PointProblem<'_> {
         self.sights.iter().map(of).sum()
     }
 
-    fn linearize(&self, point: &Vector3<f64>, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
+    fn linearize(&mut self, point: &Vector3<f64>, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
         for s in self.sights {
             let x = s.camera_from_world.transform(point);
             if x.z < NEAR_M {
@@ -83,8 +83,8 @@ impl Problem for PointProblem<'_> {
 #[must_use]
 pub fn triangulate(sights: &[Sight], kernel: Kernel) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let start = nearest_to_rays(sights)?;
-    let problem = PointProblem { sights, kernel };
-    let (point, _) = levenberg_marquardt(&problem, start, &Options::default());
+    let mut problem = PointProblem { sights, kernel };
+    let (point, _) = levenberg_marquardt(&mut problem, start, &Options::default());
     let mut hessian = Envelope::dense(3);
     problem.linearize(&point, &mut hessian, &mut [0.0; 3]);
     let information = Matrix3::from_fn(|i, j| hessian.get(i, j));
