@@ -19,8 +19,8 @@ use crate::template::Template;
 use crate::view::View;
 use layout::{Layout, free_form_prior, multiply};
 pub use uncertainty::{Uncertainty, uncertainty};
-use views::{MatchedView, view_keypoint_rows};
 pub(crate) use views::view_rows;
+use views::{MatchedView, view_keypoint_rows};
 pub use views::{border_distances, mask_iou};
 
 /// An object: where it is and what it looks like.
@@ -184,7 +184,8 @@ impl<'a> ObjectProblem<'a> {
 
     /// How vertices move with the dense parameters, at a time.
     fn dense<'b>(&'b self, state: &ObjectState, vertices: &'b [Vector3<f64>], time_s: f64) -> Dense<'b> {
-        let modes = if self.scope.modes { (self.template.modes.as_slice(), self.template.mode_count) } else { (&[][..], 0) };
+        let modes =
+            if self.scope.modes { (self.template.modes.as_slice(), self.template.mode_count) } else { (&[][..], 0) };
         let velocity = self.scope.velocity.then(|| state.world_from_object.rotation.transpose() * time_s);
         Dense { vertices, modes, velocity }
     }

@@ -129,7 +129,8 @@ impl View {
         let (s, t) = (x - i as f64, y - j as f64);
         let at = j * self.crop.width + i;
         let nearest = at + usize::from(s >= 0.5) + if t >= 0.5 { self.crop.width } else { 0 };
-        let corners = (&self.distance_px[at..at + 2], &self.distance_px[at + self.crop.width..at + self.crop.width + 2]);
+        let corners =
+            (&self.distance_px[at..at + 2], &self.distance_px[at + self.crop.width..at + self.crop.width + 2]);
         let (distance_px, direction) = bilinear(corners, s, t);
         (self.hidden[nearest] == 0).then(|| Look { distance_px, direction, own: self.cut[nearest] == 0 })
     }

@@ -74,7 +74,8 @@ impl Cells {
             return None;
         }
         let (x, y) = (point.x as f32, point.y as f32);
-        let reach = guess.and_then(|i| self.places.get(i)).map_or(f32::INFINITY, |p| distance(p[0] - x, p[1] - y).sqrt());
+        let reach =
+            guess.and_then(|i| self.places.get(i)).map_or(f32::INFINITY, |p| distance(p[0] - x, p[1] - y).sqrt());
         let mut best = Best::new(x, y);
         if reach < MOST_REACH_PX {
             let [left, right] = [x - reach, x + reach].map(|v| self.cell(v, 0));
@@ -163,11 +164,8 @@ impl Best {
     /// The smallest squared distance with its index, of several the first: bits of positive numbers are in their order.
     #[inline(always)]
     fn least(&self) -> (f32, u32) {
-        let mut keys = [u64::MAX; LANES];
-        for k in 0..LANES {
-            keys[k] = u64::from(self.squared[k].to_bits()) << 32 | u64::from(self.index[k]);
-        }
-        let least = keys.into_iter().fold(u64::MAX, u64::min);
+        let key = |k: usize| u64::from(self.squared[k].to_bits()) << 32 | u64::from(self.index[k]);
+        let least = (0..LANES).map(key).fold(u64::MAX, u64::min);
         (f32::from_bits((least >> 32) as u32), least as u32)
     }
 

@@ -132,7 +132,8 @@ impl VertexNormal {
         while at < samples.len() {
             let first = &samples[at];
             let mut sum = OnEdge::default();
-            let end = at + samples[at..].iter().take_while(|s| s.vertices == first.vertices && s.cut == first.cut).count();
+            let end =
+                at + samples[at..].iter().take_while(|s| s.vertices == first.vertices && s.cut == first.cut).count();
             // the pixels of an edge's ends; of an edge that the near plane cuts, each sample's own
             let end = if first.cut { at + 1 } else { end };
             samples[at..end].iter().zip(&self.on_image[at..end]).for_each(|(s, pulls)| sum.add(s.share, pulls));
@@ -226,7 +227,13 @@ impl VertexNormal {
         }
     }
 
-    fn gather_dense<const N: usize>(&mut self, dense: &Dense, base: usize, hessian: &mut Envelope, gradient: &mut [f64]) {
+    fn gather_dense<const N: usize>(
+        &mut self,
+        dense: &Dense,
+        base: usize,
+        hessian: &mut Envelope,
+        gradient: &mut [f64],
+    ) {
         let (columns, size) = (dense.columns(), 3 * N * self.vertices.len());
         self.dense.resize(size, 0.0);
         self.product.resize(size, 0.0);

@@ -14,11 +14,11 @@ struct Squares<F: Fn(&[f64]) -> (Vec<f64>, DMatrix<f64>)> {
 impl<F: Fn(&[f64]) -> (Vec<f64>, DMatrix<f64>)> Problem for Squares<F> {
     type State = Vec<f64>;
 
-    fn cost(&self, x: &Vec<f64>) -> f64 {
+    fn cost(&mut self, x: &Vec<f64>) -> f64 {
         0.5 * (self.f)(x).0.iter().map(|r| r * r).sum::<f64>()
     }
 
-    fn linearize(&self, x: &Vec<f64>, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
+    fn linearize(&mut self, x: &Vec<f64>, hessian: &mut Envelope, gradient: &mut [f64]) -> f64 {
         let (residual, jacobian) = (self.f)(x);
         let (normal, right) = (jacobian.transpose() * &jacobian, jacobian.transpose() * DVector::from(residual));
         for i in 0..self.size {
@@ -62,7 +62,7 @@ fn rosenbrock_is_solved_from_anywhere() {
     let mut random = Random(1);
     for _ in 0..50 {
         let start = vec![random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0)];
-        let (x, report) = levenberg_marquardt(&Squares { size: 2, f: rosenbrock }, start, &exact());
+        let (x, report) = levenberg_marquardt(&mut Squares { size: 2, f: rosenbrock }, start, &exact());
         check_descent(&report);
         assert!((x[0] - 1.0).abs() < 1e-6 && (x[1] - 1.0).abs() < 1e-6, "{x:?} {report:?}");
     }
@@ -76,7 +76,7 @@ fn linear_squares_reach_their_minimum() {
         let target = DVector::from_fn(size + 5, |_, _| random.uniform(-4.0, 4.0));
         let f =
             |x: &[f64]| ((&jacobian * DVector::from_column_slice(x) - &target).as_slice().to_vec(), jacobian.clone());
-        let (x, report) = levenberg_marquardt(&Squares { size, f }, vec![0.0; size], &exact());
+        let (x, report) = levenberg_marquardt(&mut Squares { size, f }, vec![0.0; size], &exact());
         check_descent(&report);
         let best = (jacobian.transpose() * &jacobian).cholesky().unwrap().solve(&(jacobian.transpose() * &target));
         assert!((DVector::from(x) - best).amax() < 1e-6);
@@ -87,7 +87,7 @@ fn linear_squares_reach_their_minimum() {
 fn a_step_that_does_not_lower_the_true_cost_is_not_taken() {
     // the Jacobian has the wrong sign: every step climbs
     let f = |x: &[f64]| (vec![x[0]], DMatrix::from_element(1, 1, -1.0));
-    let (x, report) = levenberg_marquardt(&Squares { size: 1, f }, vec![2.0], &Options::default());
+    let (x, report) = levenberg_marquardt(&mut Squares { size: 1, f }, vec![2.0], &Options::default());
     assert_eq!((x[0], report.stop, report.cost), (2.0, Stop::NoDescent, 2.0));
     assert!(report.iterations[0].rejected > 3);
 }
@@ -96,7 +96,7 @@ fn a_step_that_does_not_lower_the_true_cost_is_not_taken() {
 fn steps_to_where_the_cost_is_not_finite_are_not_taken() {
     // √x − 0.1 from 4: the full step lands at x < 0, where the cost is NaN
     let f = |x: &[f64]| (vec![x[0].sqrt() - 0.1], DMatrix::from_element(1, 1, 0.5 / x[0].sqrt()));
-    let (x, report) = levenberg_marquardt(&Squares { size: 1, f }, vec![4.0], &exact());
+    let (x, report) = levenberg_marquardt(&mut Squares { size: 1, f }, vec![4.0], &exact());
     check_descent(&report);
     assert!((x[0] - 0.01).abs() < 1e-6, "{x:?}");
     assert!(report.iterations.iter().any(|i| i.rejected > 0));
@@ -105,26 +105,26 @@ fn steps_to_where_the_cost_is_not_finite_are_not_taken() {
 #[test]
 fn normal_equations_that_are_not_finite_end_the_run_where_it_stands() {
     let f = |x: &[f64]| (vec![x[0]], DMatrix::from_element(1, 1, f64::NAN));
-    let (x, report) = levenberg_marquardt(&Squares { size: 1, f }, vec![3.0], &Options::default());
+    let (x, report) = levenberg_marquardt(&mut Squares { size: 1, f }, vec![3.0], &Options::default());
     assert_eq!((x[0], report.stop, report.cost), (3.0, Stop::NoDescent, 4.5));
 }
 
 #[test]
 fn a_parameter_that_nothing_holds_stays() {
     let f = |x: &[f64]| (vec![x[0] - 5.0], DMatrix::from_row_slice(1, 2, &[1.0, 0.0]));
-    let (x, _) = levenberg_marquardt(&Squares { size: 2, f }, vec![0.0, 7.0], &exact());
+    let (x, _) = levenberg_marquardt(&mut Squares { size: 2, f }, vec![0.0, 7.0], &exact());
     assert!((x[0] - 5.0).abs() < 1e-6);
     assert_eq!(x[1], 7.0);
 }
 
 #[test]
 fn the_limit_of_iterations_holds_and_the_best_state_is_given() {
-    let problem = Squares { size: 2, f: rosenbrock };
+    let mut problem = Squares { size: 2, f: rosenbrock };
     let start = vec![-1.2, 1.0];
-    let (x, report) = levenberg_marquardt(&problem, start.clone(), &Options { max_iterations: 3, ..exact() });
+    let (x, report) = levenberg_marquardt(&mut problem, start.clone(), &Options { max_iterations: 3, ..exact() });
     assert_eq!((report.iterations.len(), report.stop), (3, Stop::IterationLimit));
     assert_eq!(problem.cost(&x), report.cost);
-    let (same, report) = levenberg_marquardt(&problem, start.clone(), &Options { max_iterations: 0, ..exact() });
+    let (same, report) = levenberg_marquardt(&mut problem, start.clone(), &Options { max_iterations: 0, ..exact() });
     assert_eq!((same, report.cost), (start.clone(), problem.cost(&start)));
 }
 
@@ -138,13 +138,13 @@ fn the_covariance_of_chosen_parameters_is_that_part_of_the_inverse() {
         let mut chosen: Vec<usize> = (0..size).collect();
         random.shuffle(&mut chosen);
         chosen.truncate(1 + random.below(size));
-        let found = covariance(&Squares { size, f }, &vec![0.3; size], &chosen).unwrap();
+        let found = covariance(&mut Squares { size, f }, &vec![0.3; size], &chosen).unwrap();
         let expected = DMatrix::from_fn(chosen.len(), chosen.len(), |i, j| inverse[(chosen[i], chosen[j])]);
         assert!((&found - &expected).amax() < 1e-9 * expected.amax());
-        let beyond = covariance(&Squares { size, f }, &vec![0.3; size], &[size]);
+        let beyond = covariance(&mut Squares { size, f }, &vec![0.3; size], &[size]);
         assert_eq!(beyond.unwrap_err(), Error::Index { what: "parameter", index: size as i64, count: size });
     }
     let loose = |x: &[f64]| (vec![x[0]], DMatrix::from_row_slice(1, 2, &[1.0, 0.0]));
-    let found = covariance(&Squares { size: 2, f: loose }, &vec![0.0; 2], &[0]);
+    let found = covariance(&mut Squares { size: 2, f: loose }, &vec![0.0; 2], &[0]);
     assert_eq!(found.unwrap_err(), Error::NotPositiveDefinite { row: 1 });
 }

@@ -12,17 +12,21 @@ proptest! {
     #[test]
     fn cells_find_what_looking_at_every_point_finds(
         places in points(60),
-        asked in prop::collection::vec((-400.0..600.0f64, -400.0..600.0f64), 1..20),
+        near in prop::collection::vec((-10.0..210.0f64, -10.0..210.0f64), 1..20),
+        far in prop::collection::vec((-400.0..600.0f64, -400.0..600.0f64), 1..20),
     ) {
-        let cells = Cells::new(&places);
-        for (x, y) in asked.into_iter().chain(places.first().map(|p| (p.x, p.y))) {
+        let mut cells = Cells::default();
+        cells.sort(places.iter().copied());
+        for (x, y) in near.into_iter().chain(far).chain(places.first().map(|p| (p.x, p.y))) {
             let squared = |p: &Vector2<f64>| {
                 let (u, v) = (p.x as f32 - x as f32, p.y as f32 - y as f32);
                 u * u + v * v
             };
             let least = places.iter().map(squared).fold(f32::INFINITY, f32::min);
             let expected = places.iter().position(|p| squared(p) <= least);
-            prop_assert_eq!(cells.nearest(&Vector2::new(x, y)), expected);
+            for guess in [None, expected, Some(0), Some(places.len() / 2), Some(1000)] {
+                prop_assert_eq!(cells.nearest(&Vector2::new(x, y), guess), expected);
+            }
         }
     }
 }

@@ -105,15 +105,15 @@ pub const SCOPES: [Scope; 5] = [
     Scope { modes: true, free_form: true, velocity: true },
 ];
 
-fn gradient_of(problem: &ObjectProblem, state: &ObjectState) -> (Envelope, Vec<f64>, f64) {
+fn gradient_of(problem: &mut ObjectProblem, state: &ObjectState) -> (Envelope, Vec<f64>, f64) {
     let mut hessian = problem.structure();
     let mut gradient = vec![0.0; hessian.size()];
     let cost = problem.linearize(state, &mut hessian, &mut gradient);
     (hessian, gradient, cost)
 }
 
-fn slope(problem: &ObjectProblem, state: &ObjectState, direction: &[f64], h: f64) -> f64 {
-    let at = |s: f64| problem.cost(&problem.retract(state, &direction.iter().map(|x| x * s).collect::<Vec<_>>()));
+fn slope(problem: &mut ObjectProblem, state: &ObjectState, direction: &[f64], h: f64) -> f64 {
+    let mut at = |s: f64| problem.cost(&problem.retract(state, &direction.iter().map(|x| x * s).collect::<Vec<_>>()));
     (at(h) - at(-h)) / (2.0 * h)
 }
 
@@ -129,13 +129,13 @@ fn the_gradient_of_key_points_ground_and_priors_is_that_of_the_true_cost() {
     let seen: Vec<&View> = views.iter().collect();
     for scope in SCOPES {
         let state = disturbed(&template, &mut random, 1.0);
-        let problem = ObjectProblem::new(&template, &seen, ground(), model(), scope);
-        let (_, gradient, cost) = gradient_of(&problem, &state);
+        let mut problem = ObjectProblem::new(&template, &seen, ground(), model(), scope);
+        let (_, gradient, cost) = gradient_of(&mut problem, &state);
         assert!((cost - problem.cost(&state)).abs() < 1e-9 * cost);
         for k in 0..gradient.len() {
             let mut unit = vec![0.0; gradient.len()];
             unit[k] = 1.0;
-            let expected = slope(&problem, &state, &unit, 1e-5);
+            let expected = slope(&mut problem, &state, &unit, 1e-5);
             assert!(
                 (gradient[k] - expected).abs() < 1e-4 * (1.0 + expected.abs()),
                 "{scope:?} {k}: {} {expected}",
@@ -150,9 +150,9 @@ fn the_hessian_of_priors_and_ground_is_that_of_the_true_cost() {
     // without views, and with the pose held, the cost is quadratic in z and d
     let (template, mut random) = (template(), Random(2));
     let scope = SCOPES[3];
-    let problem = ObjectProblem::new(&template, &[], ground(), model(), scope);
+    let mut problem = ObjectProblem::new(&template, &[], ground(), model(), scope);
     let state = disturbed(&template, &mut random, 1.0);
-    let (hessian, gradient, cost) = gradient_of(&problem, &state);
+    let (hessian, gradient, cost) = gradient_of(&mut problem, &state);
     let (size, free_form) = (hessian.size(), template.symmetry.dimension());
     for _ in 0..20 {
         let mut step: Vec<f64> = (0..size).map(|_| random.uniform(-0.05, 0.05)).collect();
@@ -179,15 +179,15 @@ fn the_gradient_of_the_border_points_along_that_of_the_true_cost() {
     let views = without_keypoints(&views(&template, &start(&template), 4));
     let seen: Vec<&View> = views.iter().collect();
     for scope in [SCOPES[1], SCOPES[3]] {
-        let problem = ObjectProblem::new(&template, &seen, None, model(), scope);
+        let mut problem = ObjectProblem::new(&template, &seen, None, model(), scope);
         for _ in 0..6 {
             let state = disturbed(&template, &mut random, 0.7);
-            let (hessian, gradient, _) = gradient_of(&problem, &state);
+            let (hessian, gradient, _) = gradient_of(&mut problem, &state);
             let numeric: Vec<f64> = (0..gradient.len())
                 .map(|k| {
                     let mut unit = vec![0.0; gradient.len()];
                     unit[k] = 1.0;
-                    slope(&problem, &state, &unit, 3e-3)
+                    slope(&mut problem, &state, &unit, 3e-3)
                 })
                 .collect();
             // each parameter in its own units of the curvature
@@ -207,12 +207,12 @@ fn a_step_of_free_form_lowers_the_cost_of_the_border_as_the_gradient_says() {
     let (template, mut random) = (template(), Random(4));
     let views = without_keypoints(&views(&template, &disturbed(&template, &mut random, 0.5), 4));
     let seen: Vec<&View> = views.iter().collect();
-    let problem = ObjectProblem::new(&template, &seen, None, model(), SCOPES[3]);
+    let mut problem = ObjectProblem::new(&template, &seen, None, model(), SCOPES[3]);
     let state = disturbed(&template, &mut random, 0.5);
-    let (_, gradient, _) = gradient_of(&problem, &state);
+    let (_, gradient, _) = gradient_of(&mut problem, &state);
     let norm = dot(&gradient, &gradient).sqrt();
     let direction: Vec<f64> = gradient.iter().map(|g| g / norm).collect();
-    let found = slope(&problem, &state, &direction, 3e-3);
+    let found = slope(&mut problem, &state, &direction, 3e-3);
     assert!((found / norm - 1.0).abs() < 0.1, "{found} {norm}");
 }
 
@@ -311,8 +311,8 @@ fn the_covariance_of_the_pose_is_the_inverse_of_the_normal_matrix_moved_to_the_c
     let state = disturbed(&template, &mut random, 0.3);
     for scope in SCOPES {
         let found = uncertainty(&template, &seen, ground(), model(), scope, &state, true).unwrap();
-        let problem = ObjectProblem::new(&template, &seen, ground(), model(), scope);
-        let (hessian, _, _) = gradient_of(&problem, &state);
+        let mut problem = ObjectProblem::new(&template, &seen, ground(), model(), scope);
+        let (hessian, _, _) = gradient_of(&mut problem, &state);
         let size = hessian.size();
         let dense = DMatrix::from_fn(size, size, |i, j| hessian.get(i, j)).try_inverse().unwrap();
         let jacobian = centre_jacobian(&problem, &template, &state, size);
@@ -356,8 +356,8 @@ fn vertex_sigmas_are_those_of_the_inverse() {
     let seen: Vec<&View> = views.iter().collect();
     let state = disturbed(&template, &mut random, 0.3);
     let found = uncertainty(&template, &seen, ground(), model(), SCOPES[3], &state, true).unwrap();
-    let problem = ObjectProblem::new(&template, &seen, ground(), model(), SCOPES[3]);
-    let (hessian, _, _) = gradient_of(&problem, &state);
+    let mut problem = ObjectProblem::new(&template, &seen, ground(), model(), SCOPES[3]);
+    let (hessian, _, _) = gradient_of(&mut problem, &state);
     let size = hessian.size();
     let inverse = DMatrix::from_fn(size, size, |i, j| hessian.get(i, j)).try_inverse().unwrap();
     for vertex in [0, 5, 40, 100, 161] {

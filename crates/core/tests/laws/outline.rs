@@ -28,9 +28,8 @@ fn poses(seed: u64, count: usize) -> Vec<Pose> {
 fn check_samples(camera: &Camera, points: &[Vector3<f64>], samples: &[OutlineSample], step_px: f64) {
     for s in samples {
         let [a, b] = s.vertices.map(|v| points[v as usize]);
-        assert!((0.0..=1.0).contains(&s.weight));
-        assert!((a + (b - a) * s.weight - s.point_in_camera).amax() < 1e-9);
-        assert!((camera.project(&s.point_in_camera) - s.pixel).amax() < 1e-6);
+        assert!((0.0..=1.0).contains(&s.share) && (0.0..=1.0).contains(&s.share_in_space(points)));
+        assert!((camera.project(&a.lerp(&b, s.share_in_space(points))) - s.pixel).amax() < 1e-6);
         assert!((s.normal.norm() - 1.0).abs() < 1e-12);
         assert!(s.length > 0.0 && s.length <= step_px + 1e-9);
         if a.z > NEAR_M && b.z > NEAR_M {
@@ -159,7 +158,8 @@ fn an_outline_across_the_near_plane_stays_on_the_image_and_outward() {
     assert!(samples.len() > 20);
     check_samples(&camera, &points, &samples, 1.0);
     for s in &samples {
-        assert!(s.point_in_camera.z >= NEAR_M - 1e-9);
+        let [a, b] = s.vertices.map(|v| points[v as usize].z);
+        assert!(a + (b - a) * s.share_in_space(&points) >= NEAR_M - 1e-9);
         let behind = s.pixel - s.normal * 1.5;
         let at = Rect::image(&camera).index(behind.x.round() as i64, behind.y.round() as i64);
         assert!(at.is_none_or(|i| mask[i] > 0));

@@ -2,7 +2,7 @@ use meshslam_core::lie::Pose;
 use meshslam_core::mesh::Topology;
 use meshslam_core::outline::{OutlineSample, outline};
 use meshslam_core::raster::Rect;
-use meshslam_core::residuals::border::{BorderNoise, border_rows};
+use meshslam_core::residuals::border::{BorderMatch, BorderNoise};
 use meshslam_core::residuals::ground::{Ground, contacts, ground_rows};
 use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::residuals::keypoints::{KeypointObservation, PositionNoise, keypoint_rows};
@@ -204,11 +204,29 @@ fn noise() -> BorderNoise {
     BorderNoise { sigma_px: 1.5, correlation_px: 20.0, kernel: Kernel::Squared, cap_px: 1e6 }
 }
 
+fn border_rows(
+    view: &View,
+    pose: &Pose,
+    points: &[Vector3<f64>],
+    samples: &[OutlineSample],
+    noise: &BorderNoise,
+) -> Rows {
+    let (mut border, mut rows) = (BorderMatch::default(), Rows::default());
+    border.find(view, samples, noise);
+    border.push_rows(&view.camera, pose, points, samples, noise, &mut rows);
+    assert!((border.cost(noise.kernel) - rows.cost()).abs() <= 1e-12 * rows.cost());
+    rows
+}
+
 /// A sample that keeps its edge, its place on it and its normal while things move.
 fn carried(scene: &Scene, sample: &OutlineSample) -> OutlineSample {
     let [a, b] = sample.vertices.map(|v| scene.camera_from_object().transform(&scene.vertices[v as usize]));
-    let point_in_camera = a + (b - a) * sample.weight;
-    OutlineSample { point_in_camera, pixel: camera().project(&point_in_camera), ..*sample }
+    let pixel = if sample.cut {
+        camera().project(&a.lerp(&b, sample.share))
+    } else {
+        camera().project(&a).lerp(&camera().project(&b), sample.share)
+    };
+    OutlineSample { pixel, ..*sample }
 }
 
 /// A view whose distance is linear over its crop, so that central differences know no lines between pixels.
@@ -243,10 +261,10 @@ fn border_derivatives_are_right_both_ways() {
                 let blank = OutlineSample {
                     pixel: Vector2::zeros(),
                     normal,
-                    point_in_camera: Vector3::zeros(),
                     vertices: [k, k + 1],
-                    weight: random.uniform(0.1, 0.9),
+                    share: random.uniform(0.1, 0.9),
                     length: random.uniform(0.5, 2.0),
+                    cut: k % 2 == 0,
                 };
                 carried(&scene, &blank)
             })
@@ -261,9 +279,13 @@ fn border_derivatives_are_right_both_ways() {
             &scene,
             |s| {
                 let moved: Vec<OutlineSample> = samples.iter().map(|x| carried(s, x)).collect();
-                let mut rows = Rows::default();
-                border_rows(&view, &s.camera_from_object(), &moved, &noise(), &mut rows);
-                rows
+                border_rows(
+                    &view,
+                    &s.camera_from_object(),
+                    &placed(&s.camera_from_object(), &s.vertices),
+                    &moved,
+                    &noise(),
+                )
             },
             true,
         );
@@ -282,8 +304,7 @@ fn rows_of_a_box(grow: f64, change: impl Fn(&mut View), noise: &BorderNoise) -> 
     let topology = Topology::new(8, &signed(&faces)).unwrap();
     let mask = drawn(&camera(), &in_camera, &faces);
     let samples = outline(&camera(), &in_camera, &topology, &Rect::image(&camera()), &mask, 1.0);
-    let mut rows = Rows::default();
-    border_rows(&view, &world_from_camera.inverse(), &samples, noise, &mut rows);
+    let rows = border_rows(&view, &world_from_camera.inverse(), &in_camera, &samples, noise);
     (view, rows)
 }
 
@@ -348,8 +369,7 @@ fn samples_behind_an_occluder_pull_nothing() {
 fn a_model_out_of_sight_pays_as_much_as_the_cap() {
     let capped = BorderNoise { cap_px: 30.0, ..noise() };
     let (view, _) = rows_of_a_box(1.0, |_| {}, &capped);
-    let mut rows = Rows::default();
-    border_rows(&view, &Pose::identity(), &[], &capped, &mut rows);
+    let rows = border_rows(&view, &Pose::identity(), &[], &[], &capped);
     let expected = 0.5 * (view.border_length_px / 20.0) * (30.0_f64 / 1.5).powi(2);
     assert!((rows.cost() / expected - 1.0).abs() < 1e-9, "{} {expected}", rows.cost());
 }
