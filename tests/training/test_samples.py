@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from meshslam.simulation.cars import make_cars
 from meshslam.training.augment import MIRRORED, varied
-from meshslam.training.cars import make_cars
 from meshslam.training.dataset import Samples, draw_sample, gathered
 
 

@@ -1,5 +1,6 @@
 """Segmentation, tracking, and detections in and out."""
 
+from meshslam.perception.colour import ColourConfig, ColourSegmenter
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry, write_detections
 from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, add_keypoints
 from meshslam.perception.masks import encode_mask
@@ -9,6 +10,8 @@ from meshslam.perception.tracking import TrackerConfig, track, voted_category
 
 __all__ = [
     "CategoryEntry",
+    "ColourConfig",
+    "ColourSegmenter",
     "Detection",
     "DetectionSet",
     "ImageEntry",

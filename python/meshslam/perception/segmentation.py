@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -52,6 +52,9 @@ class Instance:
     score: float
     bbox: tuple[float, float, float, float]  # of the mask: x, y, width, height: px
     mask: Bytes  # (height, width), zeros and ones
+    keypoints: Floats | None = None  # (K, 2) px, by those who find them along the way
+    keypoint_scores: Floats | None = None  # (K,)
+    track_id: int | None = None  # by those who know one object from another
 
 
 class Segmenter(Protocol):
@@ -60,6 +63,11 @@ class Segmenter(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """The classes that can be found."""
+        ...
+
+    @property
+    def keypoint_names(self) -> tuple[str, ...]:
+        """Names of the key points that come with every instance; mostly none do."""
         ...
 
     def segment(self, image_bgr: Bytes) -> list[Instance]:
@@ -95,6 +103,8 @@ def load_segmenter(path: Path, config: SegmenterConfig | None = None, threads: i
 
 class OnnxSegmenter:
     """A YOLO network in an ONNX Runtime session."""
+
+    keypoint_names: tuple[str, ...] = ()
 
     def __init__(self, path: Path, session: Any, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
         self.path, self.config, self._session = path, config, session
@@ -159,6 +169,8 @@ class OnnxSegmenter:
 
 class MaskRcnnSegmenter:
     """A Mask R-CNN in an ONNX Runtime session."""
+
+    keypoint_names: tuple[str, ...] = ()
 
     def __init__(self, path: Path, session: Any, layout: MaskRcnnLayout, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
         self.path, self.config, self.layout, self._session = path, config, layout, session
@@ -247,13 +259,16 @@ def detect(
             detections.append(_detection(len(detections) + 1, frame, instance, (height, width)))
         if progress:
             progress(frame)
-    categories = tuple(CategoryEntry(number, name) for name, number in numbers.items())
+    points = segmenter.keypoint_names
+    categories = tuple(CategoryEntry(number, name, points) for name, number in numbers.items())
     return DetectionSet(tuple(images), categories, tuple(detections))
 
 
 def _detection(number: int, frame: int, instance: Instance, image_size: tuple[int, int]) -> Detection:
     code = encode_mask(instance.mask)
-    return Detection(number, frame, instance.name, instance.score, instance.bbox, code, image_size)
+    found = Detection(number, frame, instance.name, instance.score, instance.bbox, code, image_size)
+    points, scores, track = instance.keypoints, instance.keypoint_scores, instance.track_id
+    return replace(found, keypoints=points, keypoint_scores=scores, track_id=track)
 
 
 def without_passengers(kept: Sequence[int], patches: Sequence[Patch], vehicle: Bools, share: float = 0.9) -> list[int]:

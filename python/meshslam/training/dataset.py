@@ -12,7 +12,7 @@ import numpy as np
 
 from meshslam.geometry.arrays import Bytes, Floats, Ints
 from meshslam.perception.keypoints.crop import Crop, cut_out
-from meshslam.training.cars import TrainingCar, make_cars
+from meshslam.simulation.cars import ProceduralCar, make_cars
 from meshslam.training.degrade import cut, obstructed, seen
 from meshslam.training.scene import draw_picture
 
@@ -51,7 +51,7 @@ class Samples:
         return Samples(*(part[rows] for part in vars(self).values()))
 
 
-def draw_sample(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Sample:
+def draw_sample(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Sample:
     """Draw until enough of a car is seen."""
     while True:
         picture = cut(rng, obstructed(rng, draw_picture(rng, cars)))

@@ -10,12 +10,13 @@ import numpy as np
 
 from meshslam.geometry import Camera, Pose, Rendering, render
 from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.simulation.bodies import UPRIGHT_REAR_M
+from meshslam.simulation.cars import ProceduralCar
+from meshslam.simulation.light import Light, draw_light, lit, shaded
+from meshslam.simulation.look import draw_look
+from meshslam.simulation.materials import surface
 from meshslam.training.background import backdrop, ground_texture
-from meshslam.training.cars import TrainingCar
 from meshslam.training.layout import Layout, draw_layout
-from meshslam.training.light import Light, draw_light, lit, shaded
-from meshslam.training.look import draw_look
-from meshslam.training.materials import surface
 
 _FINE_BELOW_PX = 110  # smaller pictures are drawn with 2 x 2 samples a pixel
 _NEAR_M = 2.2  # neighbours this near to the camera are left out
@@ -36,7 +37,7 @@ class Picture:
     depth_step: Bools  # (12,), key points in front of the camera
 
 
-def draw_picture(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Picture:
+def draw_picture(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Picture:
     """Draw a scene and render it."""
     layout, light = draw_layout(rng, cars), draw_light(rng)
     kept = [layout.cars[0], *(c for c in layout.cars[1:] if _clear_of_camera(layout, c.world_from_car, c.car))]
@@ -68,7 +69,7 @@ def draw_picture(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Pictu
     )
 
 
-def _clear_of_camera(layout: Layout, world_from_car: Pose, car: TrainingCar) -> bool:
+def _clear_of_camera(layout: Layout, world_from_car: Pose, car: ProceduralCar) -> bool:
     points = (layout.camera_from_world @ world_from_car).transform(car.vertices[: car.coarse])
     return bool(np.linalg.norm(points, axis=1).min() > _NEAR_M)
 
@@ -96,7 +97,7 @@ def _pixels(camera: Camera) -> Floats:
 
 def _car_colours(
     rng: np.random.Generator,
-    car: TrainingCar,
+    car: ProceduralCar,
     camera_from_car: Pose,
     layout: Layout,
     light: Light,
@@ -108,7 +109,7 @@ def _car_colours(
     in_camera = rays[here] / drawn.inverse_depth[here][:, None]
     points = camera_from_car.inverse().transform(in_camera)
     normals = car.face_normals[drawn.face_index[here]]
-    upright = car.shape.roof_rear_from_tail < 0.8
+    upright = car.shape.roof_rear_from_tail < UPRIGHT_REAR_M
     made_of = surface(car.shape, draw_look(rng, upright), points, normals)
     world_from_camera = layout.camera_from_world.inverse()
     along = in_camera / np.linalg.norm(in_camera, axis=1, keepdims=True)
