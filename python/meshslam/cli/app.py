@@ -18,6 +18,7 @@ from meshslam.cli.detect import detect
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
+from meshslam.cli.reproduce import reproduce_app
 from meshslam.cli.simulate import simulate
 from meshslam.cli.slam import slam
 from meshslam.cli.train_keypoints import train_keypoints
@@ -46,6 +47,7 @@ app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
 app.add_typer(models_app, name="models")
+app.add_typer(reproduce_app, name="reproduce")
 
 
 def main() -> None:

@@ -1,0 +1,64 @@
+"""`meshslam reproduce`: the paper's experiments."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from meshslam.experiments.page import Experiment
+
+reproduce_app = typer.Typer(help="The paper's experiments, each in one command.", no_args_is_help=True)
+Out = Annotated[Path, typer.Option(help="Folder for figures, pictures and the page.")]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
+
+
+@reproduce_app.command("views")
+def views(
+    out: Out = Path("reproduce_views"),
+    seed: Seed = 0,
+    count: Annotated[list[int] | None, typer.Option(min=1, max=12, help="Numbers of views; 1 to 12.")] = None,
+    paper_count: Annotated[list[int] | None, typer.Option(min=1, max=12, help="The same, paper's solver.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with settings of mapping.")] = None,
+) -> None:
+    """Mask and voxel IoU over the number of views, with both solvers, on kinds of cars the shape space has not seen.
+
+    Example: meshslam reproduce views --out views
+    """
+    from meshslam.cli.config import read_config
+    from meshslam.cli.progress import progress_bars
+    from meshslam.experiments.views import ViewsConfig, views_experiment
+
+    chosen = ViewsConfig(seed=seed)
+    if count:
+        chosen = replace(chosen, views=tuple(sorted(set(count))))
+        chosen = replace(chosen, paper_views=chosen.views)
+    if paper_count:
+        chosen = replace(chosen, paper_views=tuple(sorted(set(paper_count))))
+    with progress_bars() as bars:
+        found = views_experiment(chosen, read_config(config).mapping, bars)
+    show(found, out)
+
+
+def show(found: Experiment, out: Path) -> None:
+    """Write an experiment, print the paper's numbers beside ours."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from meshslam.experiments.page import write_experiment
+
+    report = write_experiment(found, out)
+    table = Table("", "paper", "here", title=found.title)
+    for claim in found.claims:
+        table.add_row(claim.what, *(_shown(value) for value in (claim.paper, claim.ours)))
+    Console().print(table)
+    print(f"{report}: open it in a browser")
+
+
+def _shown(value: float | int | str | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
