@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from meshslam.cli.options import Extrinsics, ImuFile
+
 if TYPE_CHECKING:
     from meshslam.experiments.page import Experiment
 
@@ -43,6 +45,42 @@ def views(
     show(found, out)
 
 
+@reproduce_app.command("localization")
+def localization(
+    out: Out = Path("reproduce_localization"),
+    seed: Seed = 0,
+    poses: Annotated[Path | None, typer.Option(help="Path that was driven: TUM, or KITTI's NN.txt.")] = None,
+    imu: ImuFile = None,
+    times: Annotated[Path | None, typer.Option(help="Times of KITTI's poses, if not beside them.")] = None,
+    imu_from_camera: Extrinsics = None,
+    start: Annotated[int, typer.Option(min=0, help="First pose of the file to use.")] = 0,
+    frames: Annotated[int, typer.Option(min=2, help="Frames to draw.")] = 70,
+    config: Annotated[Path | None, typer.Option(help="YAML file with settings of localization.")] = None,
+) -> None:
+    """Find the camera among six known cars, by colours and IMU, with the paper's solver and the default.
+
+    Example: meshslam reproduce localization --poses poses/06.txt --imu 06.csv --imu-from-camera mounted.yaml
+    """
+    from meshslam.cli.config import read_config
+    from meshslam.cli.progress import progress_bars
+    from meshslam.experiments.localization import STREET, localization_experiment
+    from meshslam.simulation.config import SimulationConfig
+
+    simulation = SimulationConfig(
+        seed=seed,
+        street=replace(STREET, frames=frames),
+        known_poses=False,
+        poses=_text(poses),
+        times=_text(times),
+        imu=_text(imu),
+        imu_from_camera=_text(imu_from_camera),
+        start=start,
+    )
+    with progress_bars() as bars:
+        found = localization_experiment(simulation, read_config(config).localization, out / "sequence", bars)
+    show(found, out)
+
+
 def show(found: Experiment, out: Path) -> None:
     """Write an experiment, print the paper's numbers beside ours."""
     from rich.console import Console
@@ -56,6 +94,10 @@ def show(found: Experiment, out: Path) -> None:
         table.add_row(claim.what, *(_shown(value) for value in (claim.paper, claim.ours)))
     Console().print(table)
     print(f"{report}: open it in a browser")
+
+
+def _text(path: Path | None) -> str | None:
+    return None if path is None else str(path.resolve())
 
 
 def _shown(value: float | int | str | None) -> str:

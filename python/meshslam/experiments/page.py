@@ -83,9 +83,9 @@ def _page(found: Experiment) -> str:
     claims = [[text(claim.what), _cell(claim.paper), _cell(claim.ours)] for claim in found.claims]
     columns = list(found.rows[0]) if found.rows else []
     rows = [[_cell(row[key]) for key in columns] for row in found.rows]
-    figures = "".join(
-        f"<figure>{_figure(p)}<figcaption>{text(p.caption)}</figcaption></figure>" for p in found.pictures
-    )
+    drawn = {p.name.removesuffix(".svg") for p in found.pictures if p.name.endswith(".svg")}
+    shown = [p for p in found.pictures if p.name.removesuffix(".png") not in drawn]
+    figures = "".join(f"<figure>{_figure(p)}<figcaption>{text(p.caption)}</figcaption></figure>" for p in shown)
     return (
         f'<!doctype html><html lang=en><meta charset="utf-8"><title>{text(found.title)}</title><style>{_STYLE}</style>'
         f"<h1>{text(found.title)}</h1><p>{text(found.text)}</p>"

@@ -12,7 +12,7 @@ from meshslam.errors import MeshslamError
 
 @dataclass(frozen=True)
 class Line:
-    """A named line through points."""
+    """A line through points; those without a name are thin and grey, and not in the legend."""
 
     name: str
     x: Sequence[float]
@@ -39,7 +39,10 @@ def line_charts(
         figure = Figure(figsize=(5.2 * len(charts), 3.8), layout="constrained")
         for axes, (title, lines) in zip(figure.subplots(1, len(charts), squeeze=False)[0], charts.items(), strict=True):
             for line in lines:
-                marker = "o" if len(line.x) < 20 else None
+                if not line.name:
+                    axes.plot(line.x, line.y, line.style, color="0.5", linewidth=0.8)
+                    continue
+                marker = "o" if len(line.x) < 30 else None
                 axes.plot(line.x, line.y, line.style, label=line.name, marker=marker, markersize=3)
             axes.set(title=title, xlabel=x_label, ylabel=y_label)
             axes.grid(alpha=0.3)
