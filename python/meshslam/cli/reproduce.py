@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshslam.cli.options import Extrinsics, ImuFile
+from meshslam.cli.options import ConfigFile, Extrinsics, ImuFile, Overwrite, Segmenter, with_input
 
 if TYPE_CHECKING:
     from meshslam.experiments.page import Experiment
@@ -79,6 +79,37 @@ def localization(
     with progress_bars() as bars:
         found = localization_experiment(simulation, read_config(config).localization, out / "sequence", bars)
     show(found, out)
+
+
+@reproduce_app.command("kitti")
+def kitti(
+    drives: Annotated[list[Path], typer.Argument(help="Recordings: KITTI raw, KITTI odometry, sequence folders.")],
+    out: Out = Path("reproduce_kitti"),
+    segmenter: Segmenter = None,
+    labels: Annotated[
+        list[Path] | None, typer.Option(help="KITTI tracking labels of the cars, one file a drive, in their order.")
+    ] = None,
+    config: ConfigFile = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Table I of the paper for real drives; where places of cars are known, how many were found and how far off.
+
+    Example: meshslam reproduce kitti 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out kitti
+    """
+    from meshslam.cli.config import read_config
+    from meshslam.cli.map import run_map
+    from meshslam.cli.stages import open_input
+    from meshslam.experiments.kitti import MappedDrive, kitti_experiment
+
+    if labels and len(labels) != len(drives):
+        raise typer.BadParameter(f"{len(labels)} files for {len(drives)} drives", param_hint="--labels")
+    settings, mapped = read_config(config), []
+    for number, drive in enumerate(drives):
+        chosen = with_input(settings, sequence=drive, segmenter=segmenter)
+        run = out / f"{number}_{drive.resolve().name}"
+        run_map(chosen, run, overwrite=overwrite)
+        mapped.append(MappedDrive(open_input(chosen.input), run, labels[number] if labels else None))
+    show(kitti_experiment(mapped), out)
 
 
 def show(found: Experiment, out: Path) -> None:

@@ -29,13 +29,11 @@ STREET = StreetConfig(
     height_px=375,
     focal_px=721.5,
     cars_each_side=3,
-    first_car_m=9.0,
-    least_gap_m=14.0,
-    largest_gap_m=20.0,
+    spread=True,
     moving_cars=0,
     mode="contrast",
 )
-SMOOTHER_ITERATIONS = (1, 2, 3, 4)
+PAPER_ITERATIONS, SMOOTHER_ITERATIONS = (0, 1, 2, 5, 10, 20), (1, 2, 3, 4)
 Progress = Callable[[str, int, int], None]
 
 
@@ -47,7 +45,7 @@ class _Paths:
     inertial: tuple[Pose, ...]
     default: Localization
     paper: Localization
-    default_by_iterations: dict[int, tuple[Pose, ...]]
+    by_iterations: dict[str, dict[int, tuple[Pose, ...]]]  # by solver and iterations a frame
 
     def ate_m(self, path: Sequence[Pose]) -> float:
         """Root mean square error of a path, not aligned."""
@@ -69,11 +67,17 @@ def localization_experiment(
     seen = _seen(recording, progress)
     default = localize(recording, seen, scene, replace(config, solver="smoother"), progress)
     paper = localize(recording, seen, scene, replace(config, solver="gradient"), progress)
-    by_iterations = {}
-    for count in SMOOTHER_ITERATIONS:
-        fewer = replace(config, solver="smoother", smoother=replace(config.smoother, iterations=count))
-        by_iterations[count] = localize(recording, seen, scene, fewer).world_from_camera
-        progress("iterations", len(by_iterations), len(SMOOTHER_ITERATIONS))
+    fewer = {
+        "paper's": {k: replace(config, solver="gradient", gradient_iterations=k) for k in PAPER_ITERATIONS},
+        "default": {
+            k: replace(config, solver="smoother", smoother=replace(config.smoother, iterations=k))
+            for k in SMOOTHER_ITERATIONS
+        },
+    }
+    by_iterations = {
+        solver: {k: localize(recording, seen, scene, c, progress).world_from_camera for k, c in chosen.items()}
+        for solver, chosen in fewer.items()
+    }
     truth = Trajectory(street.times_s, street.world_from_camera)
     paths = _Paths(truth, default.inertial, default, paper, by_iterations)
     return _experiment(paths, street, scene, recording, seen, simulation)
@@ -103,10 +107,9 @@ def _experiment(
     default = paths.ate_m(paths.default.world_from_camera)
     truth = np.array([pose.translation for pose in street.world_from_camera])
     way_m = float(np.linalg.norm(np.diff(truth, axis=0), axis=1).sum())
-    by_iterations = {"paper's": dict(enumerate(paths.paper.iterations)), "default": paths.default_by_iterations}
     rows: list[dict[str, Cell]] = [
         {"solver": solver, "iterations": k, "ate_rmse_m": round(paths.ate_m(path), 5)}
-        for solver, found in by_iterations.items()
+        for solver, found in paths.by_iterations.items()
         for k, path in found.items()
     ]
     imu = "recorded" if simulation.imu else "simulated"
@@ -149,15 +152,9 @@ def _charts(paths: _Paths, scene: Map) -> list[Picture]:
         above.append(Line("", closed[:, 0].tolist(), closed[:, 1].tolist()))
     numbers = list(range(len(paths.truth)))
     over_frames = [Line(name, numbers, paths.errors_m(path)) for name, path in named.items() if name != "truth"]
-    after = [paths.ate_m(path) for path in paths.paper.iterations]
     over_iterations = [
-        Line("paper's solver", list(range(len(after))), after),
-        Line(
-            "default",
-            list(paths.default_by_iterations),
-            [paths.ate_m(path) for path in paths.default_by_iterations.values()],
-        ),
-        Line("IMU alone", [0, len(after) - 1], [paths.ate_m(paths.inertial)] * 2, ":"),
+        Line(solver, list(found), [paths.ate_m(path) for path in found.values()])
+        for solver, found in paths.by_iterations.items()
     ]
     wanted = (
         ("path", {"from above": above}, "x, m", "y, m", "The path among the cars, from above."),
@@ -168,7 +165,7 @@ def _charts(paths: _Paths, scene: Map) -> list[Picture]:
         Picture(
             f"{name}.{kind}",
             caption,
-            line_charts(charts, x, y, kind, equal=name == "path", logarithmic=name != "path"),
+            line_charts(charts, x, y, kind, equal=name == "path", logarithmic=name == "iterations"),
         )
         for name, charts, x, y, caption in wanted
         for kind in ("svg", "png")

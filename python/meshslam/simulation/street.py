@@ -16,6 +16,7 @@ from meshslam.simulation.road import Road
 
 FORWARD_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # z ahead becomes x ahead
 Mode = Literal["coloured", "textureless", "contrast"]
+_BEYOND_M = 10.0  # the last of cars that are spread begins so far after the drive's end
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class StreetConfig:
     first_car_m: float = 8.0  # of the nearest parked cars' rear bumpers, from the first camera
     least_gap_m: float = 0.8  # between parked cars
     largest_gap_m: float = 3.0
+    spread: bool = False  # cars stand evenly along the whole drive instead, left and right by turns
     kerb_m: float = 4.9  # half the street's width, parked cars included
     lane_m: float = 1.1  # half the distance of the two lanes' middles
     largest_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
@@ -168,7 +170,9 @@ def furnished(
     cars: list[Car] = []
     for side in (-1.0, 1.0):
         along = config.first_car_m + rng.uniform(0.0, 3.0)
-        for _ in range(config.cars_each_side):
+        for k in range(config.cars_each_side):
+            if config.spread:
+                along = _even_place(k, side, world_from_camera, config)
             car = _parked_car(len(cars) + 1, side, along, road, draw(rng), rng, config)
             along += float(car.body.dimensions[0]) + rng.uniform(config.least_gap_m, config.largest_gap_m)
             cars.append(car)
@@ -202,6 +206,14 @@ def _camera_at(road: Road, time_s: float, config: StreetConfig) -> Pose:
     c, s = np.cos(pitch), np.sin(pitch)
     nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     return Pose(turn.rotation @ nod @ FORWARD_FROM_CAMERA, turn.translation)
+
+
+def _even_place(k: int, side: float, world_from_camera: tuple[Pose, ...], config: StreetConfig) -> float:
+    """Where the k-th car of a side begins, if all stand evenly from the first one's place to beyond the drive's end."""
+    path = np.array([pose.translation for pose in world_from_camera])
+    end = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) + _BEYOND_M
+    share = (2 * k + (side > 0)) / max(1, 2 * config.cars_each_side - 1)
+    return config.first_car_m + share * (end - config.first_car_m)
 
 
 def _parked_car(

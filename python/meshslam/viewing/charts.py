@@ -17,7 +17,7 @@ class Line:
     name: str
     x: Sequence[float]
     y: Sequence[float]
-    style: Literal["-", "--", ":"] = "-"
+    style: Literal["-", "--", ":", "none"] = "-"  # none: points alone
 
 
 def line_charts(
