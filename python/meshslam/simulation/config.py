@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
@@ -32,6 +32,9 @@ class SimulationConfig:
     imu: str | None = None
     imu_from_camera: str | None = None
     start: int = 0
+
+
+DEMO = SimulationConfig(street=replace(_STREET, moving_cars=1, width_px=640, height_px=200, focal_px=380.0))
 
 
 def simulate_street(

@@ -89,7 +89,7 @@ def _simulated(street: Street, noise: ImuNoise) -> ImuReadings | None:
     """An IMU along the path; None for one frame alone, which has no motion."""
     if len(street.times_s) < 2:
         return None
-    rng = np.random.default_rng([street.seed, 3])
+    rng = np.random.default_rng([street.seed, 3, street.drive])
     return simulated_imu(street.times_s, street.world_from_camera, IMU_FROM_CAMERA, noise, rng)
 
 
@@ -99,7 +99,7 @@ def _initial_state(street: Street, imu: ImuReadings) -> InitialState:
 
 def observe(street: Street, config: ObserverConfig) -> tuple[DetectionSet, dict[int, int]]:
     """Detections of every car in every frame, without track ids, and which car each annotation shows."""
-    rng = np.random.default_rng([street.seed, 1])
+    rng = np.random.default_rng([street.seed, 1, street.drive] if street.drive else [street.seed, 1])
     found: list[Detection] = []
     truth: dict[int, int] = {}
     for index in range(len(street.times_s)):

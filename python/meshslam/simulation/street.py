@@ -38,6 +38,7 @@ class StreetConfig:
     largest_gap_m: float = 3.0
     spread: bool = False  # cars stand evenly along the whole drive instead, left and right by turns
     kerb_m: float = 4.9  # half the street's width, parked cars included
+    sway_m: float = 0.25  # of the camera in its lane
     lane_m: float = 1.1  # half the distance of the two lanes' middles
     largest_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
     moving_cars: int = 1  # ahead in the lane, then oncoming, by turns
@@ -138,6 +139,7 @@ class Street:
     walls: tuple[Wall, ...]
     mode: Mode = "coloured"
     imu: ImuReadings | None = None  # None: it is simulated
+    drive: int = 0  # how often it was driven through before
 
 
 def make_street(bodies: Category | BodySource, seed: int = 0, config: StreetConfig | None = None) -> Street:
@@ -147,6 +149,13 @@ def make_street(bodies: Category | BodySource, seed: int = 0, config: StreetConf
     road = bending_road(config)
     poses = tuple(_camera_at(road, t, config) for t in times_s)
     return furnished(bodies, seed, config, road, times_s, poses, street_camera(config))
+
+
+def driven_again(street: Street, config: StreetConfig) -> Street:
+    """The same street on a second drive, in which the camera sways to the other side; its IMU errs anew."""
+    other = replace(config, sway_m=-2 * config.sway_m)
+    poses = tuple(_camera_at(street.road, t, other) for t in street.times_s)
+    return replace(street, drive=street.drive + 1, world_from_camera=poses, imu=None)
 
 
 def street_camera(config: StreetConfig) -> Camera:
@@ -199,8 +208,8 @@ def bending_road(config: StreetConfig, behind_m: float = 12.0, ahead_m: float = 
 def _camera_at(road: Road, time_s: float, config: StreetConfig) -> Pose:
     """The camera swings gently within its lane, and nods."""
     along = config.speed_m_s * time_s
-    aside = -config.lane_m + 0.25 * np.sin(0.15 * along)
-    yaw, pitch = np.arctan(0.25 * 0.15 * np.cos(0.15 * along)), 0.004 * np.sin(0.9 * along)
+    aside = -config.lane_m + config.sway_m * np.sin(0.15 * along)
+    yaw, pitch = np.arctan(config.sway_m * 0.15 * np.cos(0.15 * along)), 0.004 * np.sin(0.9 * along)
     place = road.point(along, float(aside)) + [0.0, 0.0, config.camera_height_m]
     turn = Pose.from_yaw(road.heading_rad(along) + float(yaw), place)
     c, s = np.cos(pitch), np.sin(pitch)
