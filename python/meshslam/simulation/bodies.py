@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import cycle
@@ -138,10 +138,14 @@ def procedural_body(car: ProceduralCar) -> Body:
 
 
 def procedural_bodies(seed: int, count: int) -> BodySource:
-    """`count` procedural cars, one after the other; after the last the first comes again."""
-    bodies = cycle([procedural_body(car) for car in make_cars(seed, count)])
+    """`count` procedural cars, one after the other; after the last the first comes again. The first call makes them."""
+    bodies = _procedural(seed, count)
 
     def draw(_rng: np.random.Generator) -> Body:
         return next(bodies)
 
     return draw
+
+
+def _procedural(seed: int, count: int) -> Iterator[Body]:
+    yield from cycle([procedural_body(car) for car in make_cars(seed, count)])

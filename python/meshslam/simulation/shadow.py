@@ -11,7 +11,7 @@ from meshslam.geometry import Camera, Pose, render
 from meshslam.geometry.arrays import Bools, Floats, Ints
 
 _FAR_M = 2000.0  # at which the sun's camera stands: its rays are parallel to a degree
-_CELL_M = 0.05
+_CELL_M = 0.06
 _SLACK_M = 0.06  # along the ray; surfaces would shade themselves
 _OFFSET_M = 0.05  # along the normal, likewise
 
