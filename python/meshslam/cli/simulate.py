@@ -20,7 +20,7 @@ Modes = Literal["coloured", "textureless", "contrast"]
 
 def simulate(
     out: Annotated[Path, typer.Argument(help="Sequence folder to write.")],
-    seed: Annotated[int, typer.Option(min=0, help="The same seed and settings give the same bytes.")] = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="The same seed and settings give the same bytes.")] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames to draw; 28 if not given.")] = None,
     cars: Annotated[int | None, typer.Option(min=1, help="Parked cars on each side.")] = None,
     mode: Annotated[
@@ -28,7 +28,7 @@ def simulate(
     ] = None,
     poses: Annotated[Path | None, typer.Option(help="Camera path to drive: TUM, or KITTI's NN.txt.")] = None,
     times: Annotated[Path | None, typer.Option(help="Times of KITTI's poses, if not beside them.")] = None,
-    start: Annotated[int, typer.Option(min=0, help="First pose of the file to use.")] = 0,
+    start: Annotated[int | None, typer.Option(min=0, help="First pose of the file to use.")] = None,
     imu: ImuFile = None,
     imu_from_camera: Annotated[Path | None, typer.Option(help="How the recorded IMU is mounted (4x4).")] = None,
     noise: Annotated[
@@ -53,8 +53,8 @@ def simulate(
     settings = SimulationConfig() if config is None else overlaid(SimulationConfig(), read_yaml(config), str(config))
     street = {"frames": frames, "cars_each_side": cars, "mode": mode}
     settings = replace(settings, street=_given(settings.street, street))
-    given: dict[str, Any] = {"seed": seed or None, "noise": noise, "keypoints": keypoints, "known_poses": known_poses}
-    given |= {"poses": poses, "times": times, "imu": imu, "imu_from_camera": imu_from_camera, "start": start or None}
+    given: dict[str, Any] = {"seed": seed, "noise": noise, "keypoints": keypoints, "known_poses": known_poses}
+    given |= {"poses": poses, "times": times, "imu": imu, "imu_from_camera": imu_from_camera, "start": start}
     run_simulate(_given(settings, given), out, overwrite=overwrite)
 
 

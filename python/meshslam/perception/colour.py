@@ -24,6 +24,7 @@ class ColourConfig:
     identities: bool = False  # the colour of a body is its track id: for worlds in which no two have the same
     least_area_px: int = 80
     least_point_px: int = 3  # of a key point's mark
+    least_ring: float = 0.6  # of the pixels around a mark show its body; else something hides a part of the mark
     largest_gap: float = 0.6  # between parts of one body, in heights of the larger
 
 
@@ -54,15 +55,16 @@ class ColourSegmenter:
             for part in _parts(owner == number, self.config)
         ]
         found.sort(key=lambda body: -int(body.mask.sum()))
-        return [self._instance(body, hue, marks) for body in found]
+        return [self._instance(body, hue, owner, marks) for body in found]
 
-    def _instance(self, body: _Body, hue: Ints, marks: Ints) -> Instance:
+    def _instance(self, body: _Body, hue: Ints, owner: Ints, marks: Ints) -> Instance:
         pixels, scores = np.zeros((len(self.keypoint_names), 2)), np.zeros(len(self.keypoint_names))
         inside = np.where(body.mask, marks, 0)
         for number in np.unique(inside[inside > 0]):
             rows, columns = np.nonzero(inside == number)
             index = int(hue[rows[0], columns[0]])
-            if index < len(scores) and scores[index] == 0:
+            whole = _ring_share(rows, columns, owner == body.hue) >= self.config.least_ring
+            if index < len(scores) and scores[index] == 0 and whole:
                 pixels[index], scores[index] = [columns.mean(), rows.mean()], 1.0
         mask = body.mask.astype(np.uint8)
         x, y, w, h = cv2.boundingRect(mask)
@@ -95,6 +97,17 @@ def _owner(hue: Ints, bodies: Bools, points: Bools, marks: Ints) -> Ints:
         mark = marks == number
         owner[mark] = np.bincount(nearest[mark]).argmax()
     return owner
+
+
+def _ring_share(rows: Ints, columns: Ints, body: Bools) -> float:
+    """The share of the pixels around a mark (n,) that show a body (h, w)."""
+    y, x = rows - rows.min() + 1, columns - columns.min() + 1
+    mark = np.zeros((y.max() + 2, x.max() + 2), bool)
+    mark[y, x] = True
+    ring_y, ring_x = np.nonzero(ndimage.binary_dilation(mark, np.ones((3, 3), bool)) & ~mark)
+    at_y, at_x = ring_y + rows.min() - 1, ring_x + columns.min() - 1
+    inside = (at_y >= 0) & (at_y < body.shape[0]) & (at_x >= 0) & (at_x < body.shape[1])
+    return float(body[at_y[inside], at_x[inside]].sum() / len(ring_y))
 
 
 def _parts(mask: Bools, config: ColourConfig) -> list[Bools]:

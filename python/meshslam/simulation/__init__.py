@@ -2,11 +2,12 @@
 
 from meshslam.simulation.bodies import Body, BodySource, procedural_bodies, procedural_body, shapes_of
 from meshslam.simulation.config import SimulationConfig, make_world, simulate_street
+from meshslam.simulation.fronts import Wall
 from meshslam.simulation.motion import ImuNoise, simulated_imu
 from meshslam.simulation.recorded import PathFiles, recorded_street
 from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording
 from meshslam.simulation.render import render_image
-from meshslam.simulation.street import Car, Street, StreetConfig, Wall, driven_again, make_street
+from meshslam.simulation.street import Car, Street, StreetConfig, driven_again, make_street
 
 __all__ = [
     "EXACT",

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from meshslam.geometry.arrays import Floats
-from meshslam.simulation.street import Wall
+from meshslam.simulation.fronts import Wall
 
 _TILE = 256  # cells of the noise in each direction before it repeats
 _ROW = 1024

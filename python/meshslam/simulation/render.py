@@ -12,9 +12,10 @@ from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
 from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
 from meshslam.simulation import paint
 from meshslam.simulation.bodies import Body
+from meshslam.simulation.fronts import Wall
 from meshslam.simulation.light import Light, shaded, surroundings
 from meshslam.simulation.shadow import Shadows
-from meshslam.simulation.street import Street, Wall
+from meshslam.simulation.street import Street
 
 _FINER = 2  # samples a pixel and axis
 _SHADOW_AHEAD_M, _SHADOW_REACH_M = 22.0, 35.0

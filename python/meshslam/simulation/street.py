@@ -11,6 +11,7 @@ from meshslam.categories import Category
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats, Ints
 from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
+from meshslam.simulation.fronts import Wall, walls_along
 from meshslam.simulation.motion import ImuReadings
 from meshslam.simulation.road import Road
 
@@ -98,33 +99,6 @@ class Car:
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
-    """A house front: an upright rectangle from `start` to `end` (3,), on the ground."""
-
-    start: Floats
-    end: Floats
-    height_m: float
-    colour_bgr: Floats  # (3,), 0 to 1
-
-    @property
-    def vertices(self) -> Floats:
-        """Corners (4, 3), in world; the lower ones are in the ground."""
-        low = np.array([self.start, self.end])
-        return np.concatenate([low - [0.0, 0.0, 1.0], low + [0.0, 0.0, self.height_m]])
-
-    @property
-    def faces(self) -> Ints:
-        """Both triangles, seen from both sides alike."""
-        return np.array([[0, 1, 2], [1, 3, 2]])
-
-    @property
-    def normal(self) -> Floats:
-        """Unit normal (3,)."""
-        along = (self.end - self.start) * [1.0, 1.0, 0.0]
-        return np.cross(along / np.linalg.norm(along), [0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
 class Street:
     """Everything that there is, and who looks at it when."""
 
@@ -188,7 +162,7 @@ def furnished(
     cars = [replace(car, id=i + 1) for i, car in enumerate(_clear(cars, world_from_camera))]
     for k in range(config.moving_cars):
         cars.append(_moving_car(len(cars) + 1, k, road, draw(rng), rng, config))
-    walls = _walls(road, rng, config)
+    walls = walls_along(road, rng, config.kerb_m)
     height = config.camera_height_m
     return Street(
         seed, camera, times_s, world_from_camera, height, config.kerb_m, road, tuple(cars), walls, config.mode
@@ -255,20 +229,3 @@ def _moving_car(number: int, k: int, road: Road, body: Body, rng: np.random.Gene
     if k % 2 == 0:
         return Car(number, body, skin, road, config.moving_start_m + further, -config.lane_m, 0.0, speed)
     return Car(number, body, skin, road, config.oncoming_start_m + further, config.lane_m, np.pi, -speed)
-
-
-def _walls(road: Road, rng: np.random.Generator, config: StreetConfig) -> tuple[Wall, ...]:
-    """House fronts along both pavements, and one that closes the street."""
-    walls: list[Wall] = []
-    back = config.kerb_m + 3.0
-    for side in (-back, back):
-        along = road.start_m
-        while along < road.end_m - 2.0:
-            width = rng.uniform(8.0, 16.0)
-            colour = np.array([0.55, 0.62, 0.68]) * rng.uniform(0.85, 1.15, 3)
-            ends = road.point(along, side), road.point(along + width, side)
-            walls.append(Wall(*ends, rng.uniform(6.0, 13.0), np.clip(colour, 0.0, 1.0)))
-            along += width
-    across = road.point(road.end_m, -25.0), road.point(road.end_m, 25.0)
-    walls.append(Wall(*across, 9.0, np.array([0.5, 0.56, 0.6])))
-    return tuple(walls)
