@@ -189,15 +189,17 @@ def mean_of(results: Sequence[Result], solver: str, count: int) -> float | None:
 def _charts(results: list[Result], config: ViewsConfig) -> list[Picture]:
     charts: dict[str, list[Line]] = {"mask IoU": [], "voxel IoU": []}
     for solver in SOLVERS:
-        for kind in config.kinds:
+        for colour, kind in enumerate(config.kinds):
             found = [r for r in results if r.solver == solver and r.kind == kind]
             n = [r.views for r in found]
-            charts["mask IoU"].append(Line(f"{kind}, {solver}", n, [r.mask_iou for r in found], STYLES[solver]))
-            charts["voxel IoU"].append(Line(f"{kind}, {solver}", n, [r.voxel_iou for r in found], STYLES[solver]))
-    for kind in config.kinds:
+            charts["mask IoU"].append(Line(f"{kind}, {solver}", n, [r.mask_iou for r in found], STYLES[solver], colour))
+            charts["voxel IoU"].append(
+                Line(f"{kind}, {solver}", n, [r.voxel_iou for r in found], STYLES[solver], colour)
+            )
+    for colour, kind in enumerate(config.kinds):
         found = [r for r in results if r.solver == "default" and r.kind == kind]
         mean = [r.mean_mesh_voxel_iou for r in found]
-        charts["voxel IoU"].append(Line(f"{kind}, mean mesh", [r.views for r in found], mean, ":"))
+        charts["voxel IoU"].append(Line(f"{kind}, mean mesh", [r.views for r in found], mean, ":", colour))
     caption = "Mask IoU over the views used, and voxel IoU with the true car, over the number of views."
     return [
         Picture("views.svg", caption, line_charts(charts, "views", "IoU", "svg")),

@@ -34,7 +34,9 @@ class SimulationConfig:
     start: int = 0
 
 
-DEMO = SimulationConfig(street=replace(_STREET, moving_cars=1, width_px=640, height_px=200, focal_px=380.0))
+DEMO = SimulationConfig(
+    street=replace(_STREET, frames=24, cars_each_side=4, moving_cars=1, width_px=640, height_px=200, focal_px=380.0)
+)
 
 
 def simulate_street(

@@ -23,14 +23,17 @@ IMU_FROM_CAMERA = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """Errors of an IMU by their Allan parameters: white noise, and random walk of the bias; continuous densities."""
+    """Errors of an IMU by their Allan parameters: white noise, and random walk of the bias; continuous densities.
 
-    gyroscope_noise: float = 1e-3  # rad/s/sqrt(Hz)
-    accelerometer_noise: float = 1e-2  # m/s2/sqrt(Hz)
-    gyroscope_walk: float = 3e-5  # rad/s2/sqrt(Hz)
-    accelerometer_walk: float = 1e-3  # m/s3/sqrt(Hz)
-    gyroscope_bias_rad_s: float = 1e-3  # standard deviation at the start
-    accelerometer_bias_m_s2: float = 2e-2  # standard deviation at the start
+    The defaults are those that localization reckons with.
+    """
+
+    gyroscope_noise: float = ImuConfig.gyroscope_noise  # rad/s/sqrt(Hz)
+    accelerometer_noise: float = ImuConfig.accelerometer_noise  # m/s2/sqrt(Hz)
+    gyroscope_walk: float = ImuConfig.gyroscope_walk  # rad/s2/sqrt(Hz)
+    accelerometer_walk: float = ImuConfig.accelerometer_walk  # m/s3/sqrt(Hz)
+    gyroscope_bias_rad_s: float = ImuConfig.gyroscope_bias_sigma_rad_s  # standard deviation at the start
+    accelerometer_bias_m_s2: float = ImuConfig.accelerometer_bias_sigma_m_s2  # standard deviation at the start
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ class Line:
     x: Sequence[float]
     y: Sequence[float]
     style: Literal["-", "--", ":", "none"] = "-"  # none: points alone
+    colour: int | None = None  # number in the cycle of colours; None: the next one
 
 
 def line_charts(
@@ -36,17 +37,18 @@ def line_charts(
     except ImportError:
         raise MeshslamError("charts need Matplotlib: pip install 'meshslam[plots]'") from None
     with matplotlib.rc_context({"svg.hashsalt": "meshslam", "font.size": 9}):
-        figure = Figure(figsize=(5.2 * len(charts), 3.8), layout="constrained")
+        figure = Figure(figsize=(5.2 * len(charts), 4.0), layout="constrained")
         for axes, (title, lines) in zip(figure.subplots(1, len(charts), squeeze=False)[0], charts.items(), strict=True):
             for line in lines:
                 if not line.name:
                     axes.plot(line.x, line.y, line.style, color="0.5", linewidth=0.8)
                     continue
                 marker = "o" if len(line.x) < 30 else None
-                axes.plot(line.x, line.y, line.style, label=line.name, marker=marker, markersize=3)
+                colour = None if line.colour is None else f"C{line.colour}"
+                axes.plot(line.x, line.y, line.style, label=line.name, marker=marker, markersize=3, color=colour)
             axes.set(title=title, xlabel=x_label, ylabel=y_label)
             axes.grid(alpha=0.3)
-            axes.legend(fontsize=8)
+            axes.legend(fontsize=7)
             if logarithmic:
                 axes.set_yscale("log")
             if equal:
