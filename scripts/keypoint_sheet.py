@@ -58,9 +58,9 @@ def of_recording(sequence, detections, least_px, every):
 
 
 def of_drawn_cars(count):
-    from meshslam.training.dataset import draw_chunk
+    from meshslam.training.pictures import draw_samples
 
-    samples, finder = draw_chunk(987_654_321, count), KeypointFinder()
+    samples, finder = draw_samples(987_654_321, count), KeypointFinder()
     whole, tiles = Crop(0, 0, WIDTH_PX, HEIGHT_PX), []
     for cut, angle in zip(samples.cuts, samples.angles_rad, strict=True):
         image, mask = np.ascontiguousarray(cut[..., :3]), (cut[..., 3] > 127).astype(np.uint8)

@@ -8,7 +8,7 @@ import numpy as np
 from meshslam.categories.procedural.car import KEYPOINT_NAMES
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.perception.keypoints.crop import GREY
-from meshslam.training.dataset import Samples
+from meshslam.training.dataset import Samples, in_crop
 
 _SIDES = {"left": "right", "right": "left"}
 MIRRORED = np.array(
@@ -37,7 +37,7 @@ def _varied(rng: np.random.Generator, samples: Samples, i: int) -> tuple[Bytes, 
     beyond = (GREY, GREY, GREY, 0)
     warped = cv2.warpAffine(cut, np.column_stack([linear, shift]), (width, height), borderValue=beyond)
     keypoints = keypoints @ linear.T + shift
-    visible = visible * ((keypoints >= 0) & (keypoints <= [width - 1, height - 1])).all(1)
+    visible = visible * in_crop(keypoints)
     moved = np.asarray(warped, np.uint8)
     _grade(rng, moved)
     _erase(rng, moved, keypoints, visible)
