@@ -69,7 +69,7 @@ def taken(rng: np.random.Generator, picture: Picture) -> Sample | None:
 
 def in_crop(keypoints: Floats) -> Bools:
     """Which points (..., 2) px lie within the input."""
-    inside: Bools = ((keypoints >= -0.5) & (keypoints <= [WIDTH_PX - 0.5, HEIGHT_PX - 0.5])).all(-1)
+    inside: Bools = np.all((keypoints >= -0.5) & (keypoints <= [WIDTH_PX - 0.5, HEIGHT_PX - 0.5]), axis=-1)
     return inside
 
 
