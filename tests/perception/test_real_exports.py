@@ -6,8 +6,8 @@ Needs torchvision and ultralytics, which no extra installs; `pip install torchvi
 import numpy as np
 import pytest
 
+from meshslam.perception import SegmenterConfig, load_segmenter
 from meshslam.perception.coco import COCO_CLASSES
-from meshslam.perception.segmentation import SegmenterConfig, load_segmenter
 
 CAR = 3  # of COCO's 91 numbers
 
