@@ -35,7 +35,7 @@ class TrainingConfig:
     chunks: int = 45
     chunk_size: int = CHUNK  # pictures
     held_out_chunks: int = 5
-    epochs: int = 16  # of one rise and fall of the learning rate
+    epochs: int = 12  # of one rise and fall of the learning rate
     batch: int = 32
     learning_rate: float = 3e-3  # at its peak
     weight_decay: float = 1e-3
