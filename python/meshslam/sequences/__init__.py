@@ -8,6 +8,7 @@ from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
 from meshslam.sequences.report import Problem
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.turning import turns
 
 __all__ = [
     "LOADERS",
@@ -24,6 +25,7 @@ __all__ = [
     "open_sequence",
     "read_extrinsics",
     "read_imu",
+    "turns",
     "with_imu",
     "write_sequence_folder",
 ]
