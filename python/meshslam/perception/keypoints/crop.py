@@ -68,9 +68,10 @@ def _resampled(window: Bytes) -> Bytes:
 
 def cut_out(image_bgr: Bytes, mask: Bytes, crop: Crop) -> Bytes:
     """Blue, green, red and mask (0 or 255) of a crop: (HEIGHT_PX, WIDTH_PX, 4)."""
-    colour = crop.cut(image_bgr, GREY)
-    colour = colour if colour.ndim == 3 else np.repeat(colour[..., None], 3, axis=2)
-    return np.dstack([colour, _resampled(crop.window(mask, 0) * np.uint8(255))])
+    colour = crop.window(image_bgr, GREY)
+    shown = crop.window(mask, 0) * np.uint8(255)
+    planes = [colour, shown] if colour.ndim == 3 else [colour, colour, colour, shown]
+    return _resampled(np.asarray(cv2.merge(planes), np.uint8))
 
 
 def to_input(cuts: Bytes) -> Singles:
