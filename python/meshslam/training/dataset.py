@@ -10,7 +10,7 @@ import numpy as np
 
 from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out
-from meshslam.training.degrade import cut, obstructed, seen
+from meshslam.training.degrade import Seen, cut, obstructed, seen
 from meshslam.training.scene import Picture
 
 LEAST_SHOWN = 0.30  # of the car's own pixels
@@ -48,10 +48,17 @@ class Samples:
 
 def taken(rng: np.random.Generator, picture: Picture) -> Sample | None:
     """Obstruct, cut, segment and photograph a picture; None if too little of the car is seen."""
-    picture = cut(rng, obstructed(rng, picture))
-    if picture.mask.sum() < LEAST_SHOWN * picture.whole_px or not picture.visible.any():
-        return None
-    found = seen(rng, picture)
+    part = cut(rng, obstructed(rng, picture))
+    return labelled(seen(rng, part), part) if enough_is_seen(part) else None
+
+
+def enough_is_seen(picture: Picture) -> bool:
+    """Whether what is left of the car can tell anything."""
+    return bool(picture.mask.sum() >= LEAST_SHOWN * picture.whole_px and picture.visible.any())
+
+
+def labelled(found: Seen, picture: Picture) -> Sample | None:
+    """The crop about a detection with what is true of it; None if it is too small."""
     x, y, w, h = cv2.boundingRect(found.mask)
     if max(w, h) < LEAST_PX or min(w, h) < 6:
         return None
