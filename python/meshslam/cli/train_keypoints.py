@@ -14,7 +14,7 @@ def train_keypoints(
     chunks: Annotated[int, typer.Option(help="How many chunks of pictures are drawn.", min=2)] = 45,
     chunk_size: Annotated[int, typer.Option(help="Pictures of a chunk, of the same 16 cars.", min=32)] = 400,
     held_out: Annotated[int, typer.Option(help="Chunks of them that are kept for the figures.", min=1)] = 5,
-    epochs: Annotated[int, typer.Option(help="Passes over the pictures, each in another way.", min=1)] = 12,
+    epochs: Annotated[int, typer.Option(help="Passes over the pictures, each in another way.", min=1)] = 9,
     workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
 ) -> None:
     """Train the network that finds the key points of cars, on drawn cars alone. Needs the extra `train` (PyTorch).

@@ -35,11 +35,13 @@ class TrainingConfig:
     chunks: int = 45
     chunk_size: int = CHUNK  # pictures
     held_out_chunks: int = 5
-    epochs: int = 12  # of one rise and fall of the learning rate
+    epochs: int = 9
+    horizon: float = 4 / 3  # of the epochs: one rise and fall of the learning rate
+    cool_down: float = 5 / 9  # of the epochs, the last ones, in which it also fades out in a straight line
     batch: int = 32
     learning_rate: float = 3e-3  # at its peak
     weight_decay: float = 1e-3
-    warm_up: float = 0.1  # share of the steps
+    warm_up: float = 0.1  # share of the horizon
 
 
 def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report | None = None) -> KeypointNetwork:
@@ -54,7 +56,7 @@ def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report
     steps = len(album) // config.batch
     optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, config.learning_rate, config.epochs * steps, pct_start=config.warm_up
+        optimizer, config.learning_rate, round(config.horizon * config.epochs * steps), pct_start=config.warm_up
     )
     for epoch in range(_resume(checkpoint, config, (network, optimizer, schedule)), config.epochs):
         rng = np.random.default_rng([config.seed, epoch])
@@ -67,6 +69,9 @@ def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report
             torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             optimizer.step()
             schedule.step()
+            left = 1 - (epoch + (step + 1) / steps) / config.epochs
+            for group in optimizer.param_groups:
+                group["lr"] *= min(1.0, left / config.cool_down)
             if report:
                 report(f"epoch {epoch + 1} of {config.epochs}", step + 1, steps)
         state = [part.state_dict() for part in (network, optimizer, schedule)]
