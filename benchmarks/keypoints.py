@@ -13,10 +13,10 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from meshslam.perception.keypoints.crop import to_input
-from meshslam.perception.keypoints.finder import OUTPUTS, KeypointConfig, KeypointFinder
+from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder
+from meshslam.perception.keypoints.mirror import answers_of
 from meshslam.training.dataset import Sample, enough_is_seen, gathered, labelled
 from meshslam.training.degrade import cut, obstructed, seen
 from meshslam.training.pictures import CHUNK, Album, draw_chunk
@@ -77,9 +77,8 @@ def drawn(rng: np.random.Generator, picture: Picture) -> tuple[Sample, Kind] | N
 
 def answers(model: str | None, cuts: np.ndarray) -> list[np.ndarray]:
     """What the network says of crops."""
-    path = KeypointFinder(KeypointConfig(model=model)).path
-    session = onnxruntime.InferenceSession(str(path))
-    parts = [session.run(list(OUTPUTS), {"crops": to_input(cuts[i : i + 64])}) for i in range(0, len(cuts), 64)]
+    finder = KeypointFinder(KeypointConfig(model=model))
+    parts = [answers_of(finder.answers, to_input(cuts[i : i + 64])) for i in range(0, len(cuts), 64)]
     return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from meshslam.training.augment import MIRRORED, varied
+from meshslam.perception.keypoints.mirror import MIRRORED
+from meshslam.training.augment import varied
 from meshslam.training.cars import make_cars
 from meshslam.training.dataset import Samples
 from meshslam.training.pictures import Album, draw_pictures, packed, samples_of

@@ -5,15 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.categories.procedural.car import KEYPOINT_NAMES
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.perception.keypoints.crop import GREY
+from meshslam.perception.keypoints.mirror import MIRRORED
 from meshslam.training.dataset import Samples, in_crop
-
-_SIDES = {"left": "right", "right": "left"}
-MIRRORED = np.array(
-    [KEYPOINT_NAMES.index("_".join(_SIDES.get(word, word) for word in name.split("_"))) for name in KEYPOINT_NAMES]
-)
 
 
 def varied(rng: np.random.Generator, samples: Samples) -> Samples:

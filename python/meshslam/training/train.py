@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from meshslam.geometry.arrays import Singles
 from meshslam.maps import write_atomically
 from meshslam.perception.keypoints.crop import to_input
+from meshslam.perception.keypoints.mirror import Answers, answers_of
 from meshslam.training.augment import varied
 from meshslam.training.dataset import Samples
 from meshslam.training.losses import total_loss
@@ -109,11 +111,13 @@ def _resume(path: Path, config: TrainingConfig, parts: tuple[Any, Any, Any]) -> 
 def evaluate(network: KeypointNetwork, samples: Samples, batch: int = 64) -> Score:
     """Figures on samples as they were drawn."""
     network.eval()
-    found = []
-    with torch.no_grad():
-        for start in range(0, len(samples), batch):
-            crops = torch.from_numpy(to_input(samples.cuts[start : start + batch]))
-            found.append([answer.numpy() for answer in network(crops)])
+
+    def answers(crops: Singles) -> Answers:
+        with torch.no_grad():
+            return tuple(answer.numpy() for answer in network(torch.from_numpy(crops)))
+
+    starts = range(0, len(samples), batch)
+    found = [answers_of(answers, to_input(samples.cuts[start : start + batch])) for start in starts]
     heat, visible, log_sigma, angle = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return score(heat, visible, log_sigma, angle, samples)
 
