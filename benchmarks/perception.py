@@ -36,6 +36,12 @@ def fastest(count: int, work: Callable[..., object], *arguments: object) -> str:
     return f"{1e3 * best[0] / count:.2f} | {1e3 * best[1] / count:.2f} |"
 
 
+def find_all(finder: KeypointFinder, images: list[np.ndarray], masks: list[list[np.ndarray]]) -> None:
+    """Key points of the cars of every frame."""
+    for image, of_frame in zip(images, masks, strict=True):
+        finder.find(image, of_frame)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sequence", type=Path, default=DRIVE)
@@ -55,17 +61,16 @@ def main() -> None:
         segmenter = load_segmenter(a.network, threads=threads)
         print(f"| segmentation, a frame, {threads} threads |", fastest(len(images), detect, frames, segmenter))
     found = detect(frames, segmenter)
-    masks = [[d.mask() for d in of_frame] for of_frame in found.by_frame().values()]
-    pairs = [(image, m) for image, of_frame in zip(images, masks, strict=True) for m in of_frame]
-    crowd = (images[0], [m for _, m in pairs][:16])
+    pointed = add_keypoints(found, images.__getitem__, KeypointFinder())
+    masks = [[d.mask() for d in row if d.keypoints is not None] for row in pointed.by_frame().values()]
+    cars = sum(len(of_frame) for of_frame in masks)
     for threads in a.threads:
         for batch in a.batches:
             finder = KeypointFinder(KeypointConfig(threads=threads, batch=batch))
             label = f"| key points, a car, {threads} threads, batches of {batch} |"
-            print(label, fastest(len(crowd[1]), finder.find, *crowd))
+            print(label, fastest(cars, find_all, finder, images, masks))
     finder = KeypointFinder()
     print("| key points, a frame |", fastest(len(images), add_keypoints, found, images.__getitem__, finder))
-    pointed = add_keypoints(found, images.__getitem__, finder)
     print("| tracking, a frame |", fastest(len(images), track, pointed, images.__getitem__))
 
 

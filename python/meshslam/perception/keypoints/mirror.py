@@ -10,7 +10,7 @@ from meshslam.categories.procedural.car import KEYPOINT_NAMES
 from meshslam.geometry.arrays import Bools, Singles
 from meshslam.perception.keypoints.decode import ANGLES, angle_centres, angle_distribution, peak_angle
 
-UNDECIDED = 0.05  # share of the viewing angles more than a quarter turn off the likeliest
+UNDECIDED = 0.15  # share of the viewing angles more than a quarter turn off the likeliest
 
 Answers = tuple[Singles, ...]  # heat maps (N, 12, h, w), visibilities (N, 12), log sigmas (N, 12), angles (N, ANGLES)
 
