@@ -161,6 +161,16 @@ def test_check_lists_every_problem_on_a_line(street):
     assert not result.stderr
 
 
+def test_check_looks_at_given_detections(source, source_run, tmp_path):
+    assert "no problem" in done("check", source, "--detections", source_run / "detections.json").stdout
+    document = json.loads((source_run / "detections.json").read_text())
+    document["annotations"][0]["viewing_angle_shares"] = [1, 2]
+    (tmp_path / "other.json").write_text(json.dumps(document))
+    result = meshslam("check", source, "--detections", tmp_path / "other.json")
+    assert result.returncode == 1
+    assert "other.json: annotations id 1: viewing_angle_shares" in result.stdout
+
+
 def test_check_of_a_missing_folder(tmp_path):
     result = meshslam("check", tmp_path / "nowhere")
     assert result.returncode == 1

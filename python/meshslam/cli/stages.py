@@ -35,7 +35,7 @@ from meshslam.perception import (
 )
 from meshslam.perception.colour import NAME as COLOUR
 from meshslam.perception.model_store import find_model
-from meshslam.sequences import Sequence, camera_yaml, open_sequence, with_imu
+from meshslam.sequences import Sequence, camera_yaml, open_sequence, turns, with_imu
 
 Bars = Callable[[str, int, int], None]
 
@@ -169,6 +169,7 @@ def follow(recording: Sequence, found: DetectionSet, config: Config, bars: Bars)
         found,
         read if recording.image_paths is not None else None,
         config.tracking,
+        turn=turns(recording),
         progress=lambda frame: bars("track", index.get(frame, -1) + 1, len(index)),
     )
 

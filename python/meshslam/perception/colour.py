@@ -11,7 +11,7 @@ from scipy import ndimage
 from meshslam.categories import load_category
 from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
 from meshslam.perception.colour_code import read_colours
-from meshslam.perception.segmentation import Instance
+from meshslam.perception.instances import Instance
 
 NAME = "colour"  # what --segmenter takes
 

@@ -9,6 +9,7 @@ from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
 from meshslam.sequences.report import Problem
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.turning import turns
 
 __all__ = [
     "LOADERS",
@@ -26,6 +27,7 @@ __all__ = [
     "read_extrinsics",
     "read_imu",
     "read_path",
+    "turns",
     "with_imu",
     "write_sequence_folder",
 ]

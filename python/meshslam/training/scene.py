@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Camera, Pose, Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry.arrays import Bools, Bytes, Floats, Singles
 from meshslam.simulation.bodies import UPRIGHT_REAR_M
 from meshslam.simulation.cars import ProceduralCar
 from meshslam.simulation.light import Light, draw_light, lit, shaded
@@ -27,14 +27,13 @@ _SLACK_M = 0.12  # a key point lies this far under the surface at most
 class Picture:
     """What a camera sees of one car."""
 
-    image_bgr: Floats  # (h, w, 3), 0 to 1
+    image_bgr: Singles  # (h, w, 3), light: 1 is white in the sun, what mirrors may be brighter
     mask: Bools  # (h, w), the car's own pixels
     others: Bools  # (h, w), other cars' pixels
     whole_px: int  # pixels that the car would have without anything before it
     keypoints: Floats  # (12, 2), px
-    visible: Bools  # (12,)
+    visible: Bools  # (12,), ahead of the camera, inside the image and hidden by nothing
     viewing_angle_rad: float
-    depth_step: Bools  # (12,), key points in front of the camera
 
 
 def draw_picture(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Picture:
@@ -58,14 +57,13 @@ def draw_picture(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Pic
     points = meshes[0][0].transform(layout.cars[0].car.keypoints)
     pixels = layout.camera.project(np.where(points[:, 2:] > 0.2, points, [0, 0, 1.0]))
     return Picture(
-        np.asarray(shrunk[0], float),
+        np.asarray(shrunk[0], np.float32),
         np.asarray(shrunk[1]) > 0.5,
         np.asarray(shrunk[2]) > 0.5,
         int((alone.object_index == 0).sum()),
         pixels,
         _visible(drawn, camera, points, fine),
         layout.viewing_angle_rad,
-        points[:, 2] > 0.2,
     )
 
 
@@ -179,6 +177,6 @@ def _visible(drawn: Rendering, camera: Camera, points: Floats, fine: int) -> Boo
     return shown
 
 
-def as_bytes(colour: Floats) -> Bytes:
+def as_bytes(colour: Singles) -> Bytes:
     """Colours from 0 to 1 as bytes."""
     return np.asarray(np.clip(np.round(colour * 255), 0, 255), np.uint8)
