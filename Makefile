@@ -26,7 +26,7 @@ $(STAMP): $(VENV)/.packages pyproject.toml $(RUST)
 	$(BIN)/maturin develop --release --quiet
 	@touch $@
 
-demo: setup ## the main job on a street that is generated here: report in demo/run/report.html
+demo: setup ## draw a street, map it, find the camera in the map, run SLAM: demo/report.html
 	$(BIN)/meshslam demo --out demo --overwrite
 
 test: setup ## every test

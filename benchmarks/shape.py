@@ -70,12 +70,13 @@ def street(drive: str, start: int, *, ids: bool = True) -> Path:
 
 
 def score(case: Path, run: Path, seen: int) -> dict[str, object]:
-    """Figures of the independent scorer."""
+    """Figures of the independent scorer: of the objects, and IDF1 of their association."""
     command = [sys.executable, TOOLS / "score_run.py", case, run, "--seen", str(seen)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(done.stderr)
-    found: dict[str, object] = json.loads(done.stdout)["objects"]
+    figures = json.loads(done.stdout)
+    found: dict[str, object] = figures["objects"] | {"idf1": figures["association"]["idf1"]}
     return found
 
 
@@ -157,6 +158,7 @@ def pooled(rows: list[dict[str, object]]) -> dict[str, float]:
         "recall": len(cars) / max(1, true),
         "extra": sum(r["extra"] for r in rows),
         "duplicates": sum(r["duplicates"] for r in rows),
+        "least IDF1": min(r["idf1"] for r in rows),
         "centre m": float(np.median([o["centre_error_m"] for o in cars])) if cars else float("nan"),
         "flips": flips / max(1, len(cars)),
         "in 68": inside[0],

@@ -42,7 +42,7 @@ def sheet(tiles, columns):
     return np.concatenate([np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)])
 
 
-def of_recording(sequence, detections, least_px, every):
+def of_recording(sequence, detections, least_px, every, plain):
     recording = open_sequence(sequence)
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
     tiles = []
@@ -52,15 +52,16 @@ def of_recording(sequence, detections, least_px, every):
         mask = d.mask()
         crop = Crop.around(tuple(map(float, cv2.boundingRect(mask))))
         image = recording.read_image(index[d.frame])
+        image = np.full_like(image, 70) if plain else image
         label = f"f{d.frame} t{d.track_id}"
         tiles.append(tile(image, crop, mask, d.keypoints, d.keypoint_scores, d.viewing_angle_shares, label))
     return tiles
 
 
 def of_drawn_cars(count):
-    from meshslam.training.dataset import draw_chunk
+    from meshslam.training.pictures import draw_samples
 
-    samples, finder = draw_chunk(987_654_321, count), KeypointFinder()
+    samples, finder = draw_samples(987_654_321, count), KeypointFinder()
     whole, tiles = Crop(0, 0, WIDTH_PX, HEIGHT_PX), []
     for cut, angle in zip(samples.cuts, samples.angles_rad, strict=True):
         image, mask = np.ascontiguousarray(cut[..., :3]), (cut[..., 3] > 127).astype(np.uint8)
@@ -77,10 +78,14 @@ def main():
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--least-px", type=float, default=60, help="longer side of the boxes that are drawn")
     parser.add_argument("--every", type=int, default=1, help="take every so many frames")
+    parser.add_argument("--plain", action="store_true", help="outlines and points, without the pictures")
     parser.add_argument("--columns", type=int, default=7)
     parser.add_argument("--count", type=int, default=42, help="of drawn cars")
     a = parser.parse_args()
-    tiles = of_recording(a.sequence, a.detections, a.least_px, a.every) if a.sequence else of_drawn_cars(a.count)
+    if a.sequence:
+        tiles = of_recording(a.sequence, a.detections, a.least_px, a.every, a.plain)
+    else:
+        tiles = of_drawn_cars(a.count)
     cv2.imwrite(str(a.out), sheet(tiles, a.columns))
     print(f"{a.out}: {len(tiles)} cars")
 

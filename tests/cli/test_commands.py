@@ -10,7 +10,17 @@ from meshslam.viewing import can_record
 from tests.cli.conftest import done, error_of, estimate, meshslam
 
 pytestmark = pytest.mark.xdist_group("street")
-COMMANDS = (["map"], ["detect"], ["check"], ["demo"], ["version"], ["category"], ["category", "list"])
+COMMANDS = (
+    ["map"],
+    ["detect"],
+    ["check"],
+    ["demo"],
+    ["simulate"],
+    ["reproduce"],
+    ["version"],
+    ["category"],
+    ["category", "list"],
+)
 
 
 @pytest.mark.parametrize("command", [[], *COMMANDS], ids=" ".join)
@@ -19,7 +29,7 @@ def test_help_answers_at_once_with_an_example(command):
     shown = done(*command, "--help").stdout
     assert time.perf_counter() - start < 1.5  # a loaded machine; 0.2 s alone
     assert "Usage" in shown
-    assert len(command) != 1 or command[0] in ("version", "category") or "Example: meshslam" in shown
+    assert len(command) != 1 or command[0] in ("version", "category", "reproduce") or "Example: meshslam" in shown
 
 
 def test_help_lists_every_command():
@@ -151,19 +161,44 @@ def test_check_lists_every_problem_on_a_line(street):
     assert not result.stderr
 
 
+def test_check_looks_at_given_detections(source, source_run, tmp_path):
+    assert "no problem" in done("check", source, "--detections", source_run / "detections.json").stdout
+    document = json.loads((source_run / "detections.json").read_text())
+    document["annotations"][0]["viewing_angle_shares"] = [1, 2]
+    (tmp_path / "other.json").write_text(json.dumps(document))
+    result = meshslam("check", source, "--detections", tmp_path / "other.json")
+    assert result.returncode == 1
+    assert "other.json: annotations id 1: viewing_angle_shares" in result.stdout
+
+
 def test_check_of_a_missing_folder(tmp_path):
     result = meshslam("check", tmp_path / "nowhere")
     assert result.returncode == 1
     assert "no such folder" in result.stdout
 
 
-def test_the_demo_maps_every_parked_car(tmp_path):
+def test_the_demo_maps_finds_itself_again_and_runs_slam(tmp_path):
     """Whole, as a user's first command is."""
     out = tmp_path / "demo"
-    figures = json.loads(done("demo", "--out", out, "--json").stdout)
-    assert figures["recall"] == 1.0
-    assert figures["objects_mapped"] == 10
-    assert figures["voxel_iou_mean"] > max(0.88, figures["voxel_iou_category_model"])
-    assert figures["centre_error_median_m"] < 0.1
-    assert {path.name for path in out.iterdir()} == {"street_0", "run"}
-    assert (out / "run" / "report.html").stat().st_size > 100_000
+    runs = json.loads(done("demo", "--out", out, "--json").stdout)
+    mapped, localized, slam = runs["map"], runs["localize"], runs["slam"]
+    assert mapped["recall"] == 1.0
+    assert mapped["objects_mapped"] == 8
+    assert mapped["voxel_iou_mean"] > max(0.88, mapped["voxel_iou_category_model"])
+    assert mapped["centre_error_median_m"] < 0.1
+    assert localized["ate_rmse_m"] < 0.05
+    assert localized["ate_rmse_m"] < localized["ate_initial_rmse_m"]
+    assert slam["end_error_percent"] < 1.5
+    assert slam["recall"] > 0.8
+    assert {path.name for path in out.iterdir()} == {
+        "street_0",
+        "street_0_again",
+        "map",
+        "localize",
+        "slam",
+        "report.html",
+    }
+    page = (out / "report.html").read_text()
+    for name in runs:
+        assert f"{name}/report.html" in page
+        assert (out / name / "report.html").stat().st_size > 100_000

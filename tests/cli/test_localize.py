@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 
 from meshslam.maps import Map
 from meshslam.sequences import camera_yaml, open_sequence
@@ -79,6 +80,10 @@ def test_mistakes_are_said_in_one_line(drive, street, tmp_path):
     other = tmp_path / "map.json"
     other.write_text(json.dumps({"format": "meshslam-map", "version": 2, "objects": []}))
     assert "version 2" in error_of(meshslam("localize", drive, "--map", other, "--out", out))
+    (street / "imu.csv").unlink()
+    camera = yaml.safe_load((street / "camera.yaml").read_text())
+    del camera["imu_from_camera"]
+    (street / "camera.yaml").write_text(yaml.safe_dump(camera))
     assert "no IMU" in error_of(meshslam("localize", street, "--map", drive / "objects.json", "--out", out))
     found = meshslam("localize", street, "--map", drive / "objects.json", "--imu", drive / "imu.csv", "--out", out)
     assert "without extrinsics" in error_of(found)

@@ -12,11 +12,30 @@ pytestmark = pytest.mark.data
 
 
 @pytest.fixture(scope="session")
-def run_0048(data_folder, network, tmp_path_factory):
-    run = tmp_path_factory.mktemp("0048") / "run"
+def table_0048(data_folder, network, tmp_path_factory):
+    """The folder of the paper's Table I for drive 0048."""
+    out = tmp_path_factory.mktemp("0048") / "kitti"
     drive = data_folder / "kitti_raw" / "2011_09_26" / "2011_09_26_drive_0048_sync"
-    done("map", drive, "--segmenter", network, "--out", run)
-    return run
+    done("reproduce", "kitti", drive, "--segmenter", network, "--out", out)
+    return out
+
+
+@pytest.fixture(scope="session")
+def run_0048(table_0048):
+    return table_0048 / "0_2011_09_26_drive_0048_sync"
+
+
+@pytest.mark.xdist_group("0048")
+def test_each_column_of_the_papers_table_is_passed_on_drive_0048(table_0048):
+    (row,) = json.loads((table_0048 / "kitti.json").read_text())["rows"]
+    assert row["frames"] == 22
+    assert row["objects"] >= 6
+    assert row["mask_iou_single_frame"] > 0.692
+    assert row["mask_iou_pose"] > 0.735
+    assert row["mask_iou_shape"] >= 0.86
+    assert "0.778" in (table_0048 / "report.html").read_text()
+    for part in ("path", "meshes", "overlays"):
+        assert (table_0048 / f"drive0_{part}.png").stat().st_size > 10_000
 
 
 @pytest.mark.xdist_group("0048")

@@ -22,6 +22,13 @@ def test_a_likelihood_averages_to_one_and_never_vanishes():
     assert min(values) >= 0.009
 
 
+def test_shares_up_to_a_factor_say_the_same():
+    shares = np.random.default_rng(1).dirichlet(np.ones(36))
+    for angle in np.linspace(0, 2 * np.pi, 50):
+        for factor in (1e-3, 0.5, 250.0):
+            assert likelihood(factor * shares, angle) == pytest.approx(likelihood(shares, angle), rel=1e-12)
+
+
 def test_the_right_way_round_is_cheaper_and_nothing_is_said_without_angles():
     eye, pose = Pose(np.eye(3), np.zeros(3)), Pose.from_yaw(0.3, np.array([10.0, 1, 0]))
     centres = 2 * np.pi * np.arange(36) / 36

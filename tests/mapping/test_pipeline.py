@@ -93,9 +93,11 @@ def test_tracks_that_cannot_become_objects_are_named_with_the_reason(camera, car
     found += [box_detection(i + 11, i, (200, 80, 80, 40), 2) for i in range(2)]  # two views
     found += [box_detection(i + 21, i, (300, 80, 80, 40), 3, "truck") for i in range(5)]
     found += [box_detection(31, 0, (400, 80, 80, 40), None)]
+    widths = (20, 20, 80, 80)  # two views that are wide enough
+    found += [box_detection(41 + i, i, (500, 80, w, w / 2), 4) for i, w in enumerate(widths)]
     frames = Frames(camera, tuple(range(5)), np.arange(5) * 0.1, drive(5), 1.65)
     mapping = map_objects(frames, as_set(5, found), car, CONFIG)
-    assert reasons(mapping) == {1: "too small", 2: "too few views", 3: "other category"}
+    assert reasons(mapping) == {1: "too small", 2: "too few views", 3: "other category", 4: "too few views"}
     assert len(mapping.map) == 0
     assert mapping.mask_ious == {}
 

@@ -100,6 +100,12 @@ def test_key_points_outside_the_image_are_handled_and_said(tmp_path, outside):
     assert "information: 1 (first: annotation 1)" in found.warnings[0]
 
 
+def test_the_names_of_apollo_are_ours(tmp_path):
+    root = example()
+    root["categories"][0]["keypoints"] = ["front_light_left", "rear_plate_left", "left_back_wheel"]
+    assert read(tmp_path, root).keypoint_names("car") == ("left_front_light", "rear_plate_left", "left_back_wheel")
+
+
 def test_confidences_above_one_are_handled_and_said(tmp_path):
     root = example()
     root["annotations"][1]["keypoint_scores"][0] = 1.2
@@ -146,6 +152,20 @@ BROKEN = {  # path in the file, value (None: delete), what the message says
     "visibility kind": ("annotations.0.keypoints.2", [], "keypoints: found v = []"),
     "scores": ("annotations.1.keypoint_scores", [1], "keypoint_scores: found 1 numbers, expected 3"),
     "NaN scores": ("annotations.1.keypoint_scores.0", NAN, "keypoint_scores: found NaN"),
+    "sigmas": ("annotations.1.keypoint_sigmas_px", [1, 2], "keypoint_sigmas_px: expected 3 numbers"),
+    "NaN sigmas": ("annotations.1.keypoint_sigmas_px", [1, NAN, 1], "keypoint_sigmas_px: found NaN"),
+    "zero sigmas": ("annotations.1.keypoint_sigmas_px", [1, 0, 1], "keypoint_sigmas_px: found 0"),
+    "few shares": ("annotations.1.viewing_angle_shares", [1, 2], "viewing_angle_shares: expected a list of at least 4"),
+    "negative shares": ("annotations.1.viewing_angle_shares", [1, 2, -1, 1], "viewing_angle_shares: expected shares"),
+    "no shares": ("annotations.1.viewing_angle_shares", [0, 0, 0, 0], "viewing_angle_shares: expected shares"),
+    "NaN shares": ("annotations.1.viewing_angle_shares", [NAN, 0, 0, 0], "viewing_angle_shares: found NaN"),
+    "same names": ("categories.0.keypoints", ["a", "a", "b"], "categories[0] (id 7): keypoints: expected a list"),
+    "one point twice": (
+        "categories.0.keypoints",
+        ["front_light_left", "left_front_light", "b"],
+        "categories[0] (id 7): keypoints: expected a list",
+    ),
+    "names kind": ("categories.0.keypoints", "abc", "categories[0] (id 7): keypoints: expected a list"),
     "track": ("annotations.1.track_id", "a", 'track_id: found "a"'),
     "no annotations": ("annotations", None, "annotations: is missing"),
     "images kind": ("images", {}, "images: found an object, expected a list"),

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshslam.perception.segmentation import without_passengers
+from meshslam.perception.instances import without_passengers
 from meshslam.perception.suppression import (
     Patch,
     box_iou,

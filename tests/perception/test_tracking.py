@@ -54,9 +54,9 @@ class Scene:
             tuple(rows),
         )
 
-    def tracks(self, config=None, read_image=True, detections=None):
+    def tracks(self, config=None, read_image=True, detections=None, turn=None):
         """Track, and return {track: the true objects on it} and {true object: its tracks}."""
-        found = track(detections or self.detections, self.images.__getitem__ if read_image else None, config)
+        found = track(detections or self.detections, self.images.__getitem__ if read_image else None, config, turn=turn)
         by_track, by_object = {}, {}
         for d in found.detections:
             if d.track_id is not None:
@@ -136,6 +136,18 @@ def test_without_images_overlap_and_even_motion_decide():
     boxes = [steady(20, 20, 50, 40, 9), steady(250, 30, 40, 30, -6), steady(100, 90, 70, 50, 3, 0.02)]
     scene = Scene(boxes, 12, missed={(6, 0), (7, 0)})
     assert scene.tracks(read_image=False)[1] == {0: {1}, 1: {2}, 2: {3}}
+
+
+def test_cars_in_a_row_keep_their_identities_as_the_camera_turns():
+    """It turns by as much a frame as the cars are apart: each mask comes to lie where its neighbour's was."""
+    boxes = [steady(150 + 50 * n, 60, 40, 30, -49) for n in range(8)]
+    turn = np.array([[1, 0, -49], [0, 1, 0], [0, 0, 1]], float)
+    scene = Scene(boxes, 7)
+    by_track, by_object = scene.tracks(read_image=False, turn=lambda first, other: turn)
+    assert all(len(tracks) == 1 for tracks in by_object.values())
+    assert all(len(objects) == 1 for objects in by_track.values())
+    mixed, _ = scene.tracks(read_image=False)
+    assert any(len(objects) > 1 for objects in mixed.values())
 
 
 def test_given_identities_stay():

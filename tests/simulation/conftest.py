@@ -1,7 +1,7 @@
 import pytest
 
 from meshslam.categories import load_category
-from meshslam.simulation import StreetConfig, make_street
+from meshslam.simulation import StreetConfig, make_street, procedural_bodies
 
 SMALL = StreetConfig(frames=4, width_px=400, height_px=120, focal_px=235.0, cars_each_side=2, speed_m_s=20.0)
 
@@ -12,5 +12,5 @@ def car():
 
 
 @pytest.fixture(scope="session")
-def street(car):
-    return make_street(car, 3, SMALL)
+def street():
+    return make_street(procedural_bodies(3, 5), 3, SMALL)

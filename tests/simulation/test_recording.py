@@ -9,11 +9,9 @@ from meshslam.evaluation import read_truth
 from meshslam.geometry import mask_iou
 from meshslam.perception import read_detections
 from meshslam.sequences import check_sequence, open_sequence
-from meshslam.simulation import ObserverConfig, StreetConfig, make_street, observe, render_image, write_recording
+from meshslam.simulation import EXACT, ObserverConfig, StreetConfig, make_street, observe, render_image, write_recording
 from meshslam.simulation.recording import roughen
 from meshslam.simulation.render import draw
-
-EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, keypoint_min_sigma_px=0.0, wild_share=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +48,8 @@ def test_the_truth_holds_the_parked_cars_as_they_are(street, folder):
     assert set(truth.object_of_annotation) == ids
     assert not any("track_id" in a for a in json.loads((folder / "detections.json").read_text())["annotations"])
     assert {car.id for car in street.cars if car.moves} <= set(truth.object_of_annotation.values())
+    for mine, theirs in zip(truth.path.world_from_camera, street.world_from_camera, strict=True):
+        np.testing.assert_allclose(mine.matrix, theirs.matrix, atol=1e-8)
 
 
 def test_exact_masks_are_the_pixels_that_are_drawn_and_share_none(street):

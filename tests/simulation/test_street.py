@@ -26,7 +26,7 @@ def test_one_car_moves_evenly_and_no_other(street):
     moving = [body for body in street.cars if body.moves]
     assert len(moving) == 1
     step = moving[0].at(0.3).translation - moving[0].at(0.1).translation
-    np.testing.assert_allclose(step, 0.2 * moving[0].velocity_in_world)
+    np.testing.assert_allclose(step, [0.2 * moving[0].speed_m_s, 0.0, 0.0], atol=1e-9)
     assert all(np.array_equal(b.at(5.0).matrix, b.start.matrix) for b in street.cars if not b.moves)
 
 
@@ -40,3 +40,21 @@ def test_the_camera_looks_along_its_path_and_is_upright(street):
         assert pose.rotation[0, 2] > 0.99  # forward is x
         assert pose.rotation[2, 1] < -0.99  # the image's down is the world's down
         assert np.linalg.det(pose.rotation) == pytest.approx(1.0)
+
+
+def test_a_street_that_bends_takes_cars_fronts_and_camera_with_it(car):
+    street = make_street(car, 2, StreetConfig(frames=40, bend_deg=20.0, moving_cars=2))
+    headings = [np.arctan2(pose.rotation[1, 2], pose.rotation[0, 2]) for pose in street.world_from_camera]
+    assert np.degrees(np.ptp(headings)) > 15.0
+    for body in street.cars:
+        at = body.at(1.0)
+        road = street.road.heading_rad(body.along_m + body.speed_m_s)
+        across = np.sin(at.yaw_rad - road)
+        assert abs(across) < 0.15
+        along, aside = street.road.coordinates(at.translation[None])
+        assert along[0] == pytest.approx(body.along_m + body.speed_m_s, abs=0.1)
+        assert aside[0] == pytest.approx(body.aside_m, abs=0.05)
+    kinds = {np.sign(body.speed_m_s) for body in street.cars if body.moves}
+    assert kinds == {1.0, -1.0}
+    _, aside = street.road.coordinates(np.array([pose.translation for pose in street.world_from_camera]))
+    assert np.abs(aside + 1.1).max() < 0.3  # the right lane

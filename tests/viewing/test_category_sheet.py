@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 
 from meshslam.categories import load_category
-from meshslam.viewing.category_sheet import SHOWN, TILE, category_page, category_png, category_sheet, mode_rms
+from meshslam.viewing.category_sheet import SHOWN, category_page, category_png, category_sheet, mode_rms
+from meshslam.viewing.mesh_picture import TILE
 
 
 def test_the_sheet_shows_the_mean_and_each_mode():

@@ -40,8 +40,13 @@ def build_family(
         raise CategoryError(f"{modes} modes need at least {modes + 1} {name}s and one mode, found count={count}")
     draw = FAMILIES[name]
     wrapper, rng = Wrapper(icosphere(3)), np.random.default_rng(seed)
-    sphere = wrapper.sphere
     shapes, points = wrapped_cars(wrapper, [draw(rng) for _ in range(count)], middle_car(draw))
+    return category_of(name, wrapper, shapes, points, modes)
+
+
+def category_of(name: str, wrapper: Wrapper, shapes: Floats, points: Floats, modes: int) -> Category:
+    """Mean and principal modes of wrapped shapes (N, V, 3) with their key points (N, K, 3)."""
+    sphere = wrapper.sphere
     mean, directions = principal_modes(shapes, sphere.faces, modes)
     mean = wrapper.symmetrized(mean - (mean.max(0) + mean.min(0)) / 2)
     return Category(

@@ -18,6 +18,8 @@ from meshslam.cli.detect import detect
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
+from meshslam.cli.reproduce import reproduce_app
+from meshslam.cli.simulate import simulate
 from meshslam.cli.slam import slam
 from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
@@ -39,11 +41,13 @@ app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("convert")(convert)
 app.command("check")(check)
+app.command("simulate")(simulate)
 app.command("demo")(demo)
 app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
 app.add_typer(models_app, name="models")
+app.add_typer(reproduce_app, name="reproduce")
 
 
 def main() -> None:

@@ -12,6 +12,7 @@ def check(
     sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+    detections: Annotated[Path | None, typer.Option(help="Detection file, in place of the folder's own.")] = None,
 ) -> None:
     """List every problem of a recording, one a line; exit code 1 if there is any.
 
@@ -19,7 +20,7 @@ def check(
     """
     from meshslam.sequences import check_sequence
 
-    problems = check_sequence(sequence, layout, camera)
+    problems = check_sequence(sequence, layout, camera, detections)
     for problem in problems:
         print(problem)
     if problems:

@@ -12,7 +12,7 @@ import yaml
 from meshslam.errors import ConfigError
 from meshslam.localization import LocalizationConfig, SlamConfig
 from meshslam.mapping import MappingConfig
-from meshslam.perception import KeypointConfig, SegmenterConfig, TrackerConfig
+from meshslam.perception import ColourConfig, KeypointConfig, SegmenterConfig, TrackerConfig
 
 Settings = TypeVar("Settings")
 
@@ -38,6 +38,7 @@ class Config:
 
     input: InputConfig = field(default_factory=InputConfig)
     segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
+    colour: ColourConfig = field(default_factory=ColourConfig)
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
@@ -47,19 +48,22 @@ class Config:
 
 def read_config(path: Path | None) -> Config:
     """Defaults, with a YAML file's values over them; ConfigError names the file and the key that is wrong."""
-    if path is None:
-        return Config()
+    return Config() if path is None else overlaid(Config(), read_yaml(path), str(path))
+
+
+def read_yaml(path: Path) -> Any:  # noqa: ANN401 # what a YAML file may hold
+    """A YAML file's content; ConfigError names the file if it cannot be read."""
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such configuration file") from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read as YAML: {' '.join(str(error).split())}") from None
-    return overlaid(Config(), document or {}, str(path))
+    return document or {}
 
 
-def to_yaml(config: Config) -> str:
-    """The configuration as YAML, every key."""
+def to_yaml(config: Any) -> str:  # noqa: ANN401 # any dataclass
+    """A configuration as YAML, every key."""
     text: str = yaml.safe_dump(_plain(dataclasses.asdict(config)), sort_keys=False, default_flow_style=False)
     return text
 

@@ -2,39 +2,85 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from meshslam.cli.options import AsJson, Overwrite
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+RUNS = ("map", "localize", "slam")
+
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the recording and the run.")] = Path("demo"),
-    seed: Annotated[int, typer.Option(help="Seed of the street: the same seed gives the same bytes.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for the recordings and the runs.")] = Path("demo"),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the street: the same seed gives the same bytes.")] = 0,
     overwrite: Overwrite = False,
     json: AsJson = False,
 ) -> None:
-    """Make a street of cars, drive through it, map it, and compare the map with the truth.
+    """Draw a street, map its cars, find the camera in the map on a second drive, run SLAM; compare with the truth.
 
     Example: meshslam demo --out demo
     """
-    from meshslam.categories import load_category
     from meshslam.cli.config import Config, InputConfig
-    from meshslam.cli.figures import show_figures
+    from meshslam.cli.localize import run_localize
     from meshslam.cli.map import run_map
-    from meshslam.cli.progress import progress_bars
-    from meshslam.simulation import make_street, write_recording
+    from meshslam.cli.slam import run_slam
 
-    if seed < 0:
-        raise typer.BadParameter(f"a seed is 0 or more, found {seed}", param_hint="--seed")
     refuse_foreign(out)
-    recording = out.resolve() / f"street_{seed}"
+    first, second = draw_drives(out, seed)
+    drive = Config(InputConfig(sequence=str(first)))
+    again = Config(InputConfig(sequence=str(second), map=str((out / "map").resolve())))
+    runs = {"map": run_map(drive, out / "map", overwrite=overwrite)}
+    runs["localize"] = run_localize(again, out / "localize", overwrite=overwrite)
+    runs["slam"] = run_slam(drive, out / "slam", overwrite=overwrite)
+    show(runs, out, as_json=json)
+
+
+def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
+    """Two drives through one street as sequence folders: masks without key points, poses for the first alone."""
+    from meshslam.cli.progress import progress_bars
+    from meshslam.simulation import EXACT, driven_again, make_world, write_recording
+    from meshslam.simulation.config import DEMO
+
+    first, second = (out.resolve() / f"street_{seed}{name}" for name in ("", "_again"))
+    observer = replace(EXACT, keypoints=False)
+    street = make_world(replace(DEMO, seed=seed))
     with progress_bars() as bars:
-        write_recording(make_street(load_category("car"), seed), recording, progress=bars)
-    figures = run_map(Config(InputConfig(sequence=str(recording))), out / "run", overwrite=overwrite)
-    show_figures(figures, out / "run", as_json=json)
+        write_recording(street, first, observer, bars)
+    with progress_bars() as bars:
+        write_recording(driven_again(street, DEMO.street), second, observer, bars, known_poses=False)
+    return first, second
+
+
+def show(runs: Mapping[str, Mapping[str, float]], out: Path, *, as_json: bool) -> None:
+    """Print the figures of all runs, and write the page over them."""
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from meshslam.maps.atomic import write_atomically
+    from meshslam.viewing.overview import figure_rows, overview_page
+
+    intro = (
+        "A street that was drawn, seen by the shipped key point network and exact masks: mapped with known poses; "
+        "found again on a second drive in that map, by IMU and detections; path and cars together without poses."
+    )
+    pages = {name: f"{name}/report.html" for name in runs}
+    write_atomically(out / "report.html", overview_page("meshslam demo", intro, runs, pages).encode())
+    if as_json:
+        print(json.dumps(runs, indent=1))
+        return
+    table = Table("against truth", *runs, title=str(out))
+    for label, cells in figure_rows(runs):
+        table.add_row(label, *cells)
+    Console().print(table)
+    print(f"{out / 'report.html'}: open it in a browser")
 
 
 def refuse_foreign(out: Path) -> None:
@@ -43,10 +89,8 @@ def refuse_foreign(out: Path) -> None:
 
     if out.exists() and not out.is_dir():
         raise MapError(f"{out}: is a file, expected a folder to write the demo into: choose another --out")
-    others = (
-        sorted(p.name for p in out.iterdir() if not p.name.startswith("street_") and p.name != "run")
-        if out.exists()
-        else []
-    )
+    own = {*RUNS, "run", "report.html"}
+    found = sorted(p.name for p in out.iterdir()) if out.exists() else []
+    others = [name for name in found if not name.startswith("street_") and name not in own]
     if others:
         raise MapError(f"{out}: holds {', '.join(others[:3])}, which is no demo's: choose another --out")

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 SequenceFolder = Annotated[Path | None, typer.Argument(help="Folder of the recording.")]
 RunFolder = Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")]
-Segmenter = Annotated[str | None, typer.Option(help="ONNX file, or a name in `meshslam models list`.")]
+Segmenter = Annotated[
+    str | None, typer.Option(help="ONNX file, a name in `meshslam models list`, or colour: a simulated world's.")
+]
 Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
 Layout = Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder, where the path does not tell.")]
 CameraNumber = Annotated[int | None, typer.Option(help="Which of the layout's cameras.")]

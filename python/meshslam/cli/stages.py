@@ -21,9 +21,11 @@ from meshslam.geometry.arrays import Bytes
 from meshslam.mapping import Frames, Mapping, correct_rotations, map_objects
 from meshslam.maps import Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import (
+    ColourSegmenter,
     DetectionSet,
     ImageEntry,
     KeypointFinder,
+    Segmenter,
     add_keypoints,
     detect,
     load_segmenter,
@@ -31,8 +33,9 @@ from meshslam.perception import (
     track,
     write_detections,
 )
+from meshslam.perception.colour import NAME as COLOUR
 from meshslam.perception.model_store import find_model
-from meshslam.sequences import Sequence, camera_yaml, open_sequence, with_imu
+from meshslam.sequences import Sequence, camera_yaml, open_sequence, turns, with_imu
 
 Bars = Callable[[str, int, int], None]
 
@@ -74,7 +77,17 @@ def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, Ru
 
 
 def segment_frames(recording: Sequence, config: Config, bars: Bars) -> DetectionSet:
-    """Segment every frame with the network of the configuration."""
+    """Segment every frame with the network of the configuration, or by the colours of a simulated world."""
+    segmenter = choose_segmenter(recording, config)
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+    frames = ((frame, recording.read_image(i)) for frame, i in index.items())
+    return detect(frames, segmenter, progress=lambda frame: bars("segment", index[frame] + 1, len(index)))
+
+
+def choose_segmenter(recording: Sequence, config: Config) -> Segmenter:
+    """The network of the configuration, or the reader of coded colours."""
+    if by_colour(config):
+        return ColourSegmenter(config.colour)
     try:
         model = find_model(config.input.segmenter)
     except ModelError as error:
@@ -84,10 +97,12 @@ def segment_frames(recording: Sequence, config: Config, bars: Bars) -> Detection
             f"{recording.root}: nothing tells where the objects are: there is no detections.json "
             f"(--detections FILE names another), and {error}"
         ) from None
-    segmenter = load_segmenter(model, config.segmentation)
-    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
-    frames = ((frame, recording.read_image(i)) for frame, i in index.items())
-    return detect(frames, segmenter, progress=lambda frame: bars("segment", index[frame] + 1, len(index)))
+    return load_segmenter(model, config.segmentation)
+
+
+def by_colour(config: Config) -> bool:
+    """Whether colours tell the objects."""
+    return config.input.segmenter == COLOUR
 
 
 def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars) -> tuple[DetectionSet, bool]:
@@ -99,16 +114,19 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
         found = fitted(read_detections(recording.detections_path), recording, recording.detections_path)
         for warning in found.warnings:
             print(f"note: {warning}", file=sys.stderr)
-        wanted = [d for d in found.detections if d.category in config.tracking.categories]
-        return with_keypoints(recording, found, config, bars), bool(wanted) and all(
-            d.track_id is not None for d in wanted
-        )
-    if run.has("detections.json"):
+        return with_keypoints(recording, found, config, bars), tracks_given(found, config)
+    if run.has("detections.json") and not by_colour(config):
         found = read_detections(run.path("detections.json"))
         return found.with_tracks({d.id: None for d in found.detections}), False
     found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
-    return found, False
+    return found, tracks_given(found, config)
+
+
+def tracks_given(found: DetectionSet, config: Config) -> bool:
+    """Whether every detection that is tracked has its track already."""
+    wanted = [d for d in found.detections if d.category in config.tracking.categories]
+    return bool(wanted) and all(d.track_id is not None for d in wanted)
 
 
 def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, bars: Bars) -> DetectionSet:
@@ -151,6 +169,7 @@ def follow(recording: Sequence, found: DetectionSet, config: Config, bars: Bars)
         found,
         read if recording.image_paths is not None else None,
         config.tracking,
+        turn=turns(recording),
         progress=lambda frame: bars("track", index.get(frame, -1) + 1, len(index)),
     )
 

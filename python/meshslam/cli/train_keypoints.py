@@ -9,13 +9,12 @@ import typer
 
 
 def train_keypoints(
-    out: Annotated[Path, typer.Option(help="Folder for the samples, the checkpoint and the network.")],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures, the checkpoint and the network.")],
     seed: Annotated[int, typer.Option(help="Decides cars, scenes and weights.")] = 1,
-    chunks: Annotated[int, typer.Option(help="How many times 200 samples are drawn.", min=2)] = 78,
+    chunks: Annotated[int, typer.Option(help="How many chunks of pictures are drawn.", min=2)] = 45,
+    chunk_size: Annotated[int, typer.Option(help="Pictures of a chunk, of the same 16 cars.", min=32)] = 400,
     held_out: Annotated[int, typer.Option(help="Chunks of them that are kept for the figures.", min=1)] = 5,
-    epochs: Annotated[
-        list[int] | None, typer.Option(help="Passes over the samples, for each rise and fall of the learning rate.")
-    ] = None,
+    epochs: Annotated[int, typer.Option(help="Passes over the pictures, each in another way.", min=1)] = 9,
     workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
 ) -> None:
     """Train the network that finds the key points of cars, on drawn cars alone. Needs the extra `train` (PyTorch).
@@ -24,7 +23,7 @@ def train_keypoints(
 
     Example: meshslam train-keypoints --out training
     """
-    from dataclasses import asdict, replace
+    from dataclasses import asdict
 
     from meshslam.cli.progress import progress_bars
     from meshslam.errors import ModelError
@@ -33,16 +32,15 @@ def train_keypoints(
         import torch  # noqa: F401 # the extra is there
     except ImportError:
         raise ModelError("training needs PyTorch, which is not installed: pip install 'meshslam[train]'") from None
-    from meshslam.training.dataset import draw_samples
+    from meshslam.training.pictures import draw_chunks
     from meshslam.training.train import TrainingConfig, evaluate, export, learn
     from meshslam.training.train import held_out as split
 
     if held_out >= chunks:
         raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")
-    config = TrainingConfig(seed=seed, chunks=chunks, held_out_chunks=held_out)
-    config = config if not epochs else replace(config, cycles=tuple(epochs))
+    config = TrainingConfig(seed=seed, chunks=chunks, chunk_size=chunk_size, held_out_chunks=held_out, epochs=epochs)
     with progress_bars() as bars:
-        paths = draw_samples(out / "samples", seed, chunks, workers, bars)
+        paths = draw_chunks(out / "pictures", seed, chunks, config.chunk_size, workers, bars)
         learnt, kept = split(paths, config)
         network = learn(learnt, config, out / "checkpoint.pt", bars)
     export(network, out / "car_keypoints.onnx")

@@ -25,7 +25,7 @@ class GradientConfig:
     rotation_step: float = 0.002  # rad^2
     position_step: float = 0.005  # m^2
     shape_iterations: int = 100
-    vertex_step: float = 0.02  # m^2
+    vertex_step: float = 0.06  # m^2
 
 
 @dataclass(frozen=True)

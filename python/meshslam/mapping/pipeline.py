@@ -98,7 +98,8 @@ def map_objects(
         return _mapping(work, left_out, detections, scene, progress)
     work = _each("initialize", lambda t: _first_pass(t, scene, occluders), tracks, progress)
     scene = with_noise_of(scene, work)
-    work, gone = _without_unfit(_each("fit", lambda w: _again(w, scene), work, progress), scene)
+    work = _each("fit", lambda w: _again(w, scene), work, progress)
+    work, gone = _without_unfit(work, scene, judge_shape=False)  # the next pass knows what hides it, and may mend it
     left_out += gone
     detections, work, gone = _join(work, detections, scene, occluders, fixed_tracks=fixed_tracks)
     left_out += gone
@@ -154,12 +155,14 @@ def usable_tracks(
         kind = voted_category(found)
         seen = _one_a_frame([d for d in found if d.frame in at])
         widest = max((d.bbox[2] for d in seen), default=0.0)
+        views = sum(d.bbox[2] >= config.view_min_box_px for d in seen)
         if kind != category:
             left_out.append(LeftOut(number, "other category", f"most of its detections say {kind}"))
-        elif len(seen) < needed:
-            left_out.append(LeftOut(number, "too few views", f"{len(seen)} of {needed} needed"))
         elif widest < config.min_box_px:
             left_out.append(LeftOut(number, "too small", f"at most {widest:.0f} px wide"))
+        elif views < needed:
+            wide = f"at least {config.view_min_box_px:.0f} px wide"
+            left_out.append(LeftOut(number, "too few views", f"{views} {wide} of {needed} needed"))
         else:
             index = [at[d.frame] for d in seen]
             poses = tuple(frames.world_from_camera[i] for i in index)
@@ -242,7 +245,7 @@ def _mean_iou(work: _Work, scene: Scene, state: ObjectState | None = None) -> fl
     return float(ious.mean())
 
 
-def _why_unfit(work: _Work, scene: Scene) -> LeftOut | None:
+def _why_unfit(work: _Work, scene: Scene, *, judge_shape: bool = True) -> LeftOut | None:
     """Why an estimate is no parked object of the category, if it is none."""
     config, track = scene.config, work.observed.track
     distance = min(
@@ -258,7 +261,7 @@ def _why_unfit(work: _Work, scene: Scene) -> LeftOut | None:
     if abs(height) > max(config.max_height_over_road_m, 4 * sigma):
         return LeftOut(track.id, "not on the road", f"its lowest point is {height:.2f} m over it")
     unlikely = 0.5 * float((work.found.state.z**2).sum())
-    if unlikely > config.max_shape_cost:
+    if judge_shape and unlikely > config.max_shape_cost:
         return LeftOut(track.id, "no such shape", f"costs {unlikely:.0f} in the category's shape space")
     overlap = _mean_iou(work, scene)
     if overlap < config.min_mask_iou:
@@ -276,8 +279,8 @@ def _moves(work: _Work, scene: Scene) -> str | None:
     return f"its views agree with {speed:.1f} m/s (cost lower by {gain:.0f}), not with one place" if moving else None
 
 
-def _without_unfit(work: list[_Work], scene: Scene) -> tuple[list[_Work], list[LeftOut]]:
-    reasons = _each("check", lambda w: _why_unfit(w, scene), work, None)
+def _without_unfit(work: list[_Work], scene: Scene, *, judge_shape: bool = True) -> tuple[list[_Work], list[LeftOut]]:
+    reasons = _each("check", lambda w: _why_unfit(w, scene, judge_shape=judge_shape), work, None)
     kept = [w for w, reason in zip(work, reasons, strict=True) if reason is None]
     return kept, [reason for reason in reasons if reason is not None]
 

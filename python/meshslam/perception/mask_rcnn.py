@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import AnyArray, Bytes, Floats
-from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS
-from meshslam.perception.letterbox import Singles
-from meshslam.perception.suppression import Patch
+from meshslam.errors import ModelError
+from meshslam.geometry.arrays import AnyArray, Bytes, Floats, Singles
+from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS, association_group
+from meshslam.perception.instances import Instance, SegmenterConfig, first_line, settled
+from meshslam.perception.suppression import Patch, suppress_boxes
 
 CELLS = 28  # of a mask that is not pasted into the image yet
 _ZOO_MEAN_BGR = np.array([102.9801, 115.9465, 122.7717], np.float32)
@@ -86,3 +88,35 @@ def _patch(mask: Singles, box: Floats, layout: MaskRcnnLayout) -> Patch:
         return Patch(x0, y0, mask[y0:y1, x0:x1] - np.float32(0.5))
     part = cv2.resize(mask, (x1 - x0, y1 - y0), interpolation=cv2.INTER_LINEAR)
     return Patch(x0, y0, np.asarray(part, np.float32) - np.float32(0.5))
+
+
+class MaskRcnnSegmenter:
+    """A Mask R-CNN in an ONNX Runtime session."""
+
+    keypoint_names: tuple[str, ...] = ()
+
+    def __init__(self, path: Path, session: Any, layout: MaskRcnnLayout, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
+        self.path, self.config, self.layout, self._session = path, config, layout, session
+        inputs = session.get_inputs()
+        if len(inputs) != 1 or len(inputs[0].shape) not in (3, 4) or inputs[0].type != "tensor(float)":
+            found = ", ".join(f"{i.name} {i.shape} {i.type}" for i in inputs)
+            raise ModelError(f"{path}: has inputs {found}, expected one float image (3, height, width)")
+        self._input, self._rank = inputs[0].name, len(inputs[0].shape)
+        self.names = tuple(dict.fromkeys(layout.names().values()))
+
+    def segment(self, image_bgr: Bytes) -> list[Instance]:
+        """Return the instances in a (height, width, 3) image by falling score; no pixel belongs to two."""
+        values, scale = input_of(image_bgr, self.layout, self._rank)
+        try:
+            outputs = self._session.run(None, {self._input: values})
+        except Exception as error:  # the runtime's own exceptions have no common base but this
+            raise ModelError(f"{self.path}: fails on an input of {values.shape}: {first_line(error)}") from None
+        height, width = image_bgr.shape[:2]
+        found = decode_mask_rcnn(outputs, self.layout, scale, height, width, self.config.score_threshold)
+        boxes, scores, labels, patches = found
+        known = self.layout.names()
+        names = [known[label] for label in labels]
+        groups = np.array([association_group(name) for name in names], dtype=object)
+        best = suppress_boxes(boxes, scores, groups, self.config.iou_threshold)[: self.config.maximum_instances]
+        chosen = [patches[i] for i in best]
+        return settled(chosen, scores[best], [names[i] for i in best], (height, width), self.config)

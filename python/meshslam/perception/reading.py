@@ -13,7 +13,9 @@ import numpy as np
 from meshslam.errors import DetectionError
 from meshslam.geometry.arrays import Floats
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
+from meshslam.perception.keypoint_names import ours
 from meshslam.perception.masks import is_finite_number, segmentation_problem
+from meshslam.sequences.detection_schema import LEAST_ANGLES
 
 Entry = TypeVar("Entry", ImageEntry, CategoryEntry, Detection)
 
@@ -84,8 +86,9 @@ def _image(row: dict[str, Any]) -> ImageEntry:
 
 
 def _category(row: dict[str, Any]) -> CategoryEntry:
-    names = row.get("keypoints") or []
-    if not isinstance(names, list) or not all(isinstance(n, str) for n in names) or len(set(names)) < len(names):
+    given = row.get("keypoints") or []
+    names = [ours(n) for n in given if isinstance(n, str)] if isinstance(given, list) else []
+    if len(names) < len(given) or len(set(names)) < len(names):
         raise DetectionError("keypoints: expected a list of different names")
     return CategoryEntry(_integer(row, "id"), _text(row, "name"), tuple(names))
 
@@ -219,8 +222,8 @@ def _shares(row: dict[str, Any]) -> Floats | None:
     given = row.get(key)
     if given is None:
         return None
-    if not isinstance(given, list) or len(given) < 4:
-        raise DetectionError(f"{key}: expected a list of at least 4 shares")
+    if not isinstance(given, list) or len(given) < LEAST_ANGLES:
+        raise DetectionError(f"{key}: expected a list of at least {LEAST_ANGLES} shares")
     values = np.array([_number(value, key) for value in given])
     if (values < 0).any() or values.sum() <= 0:
         raise DetectionError(f"{key}: expected shares that are not negative, and not all 0")

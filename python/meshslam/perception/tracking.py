@@ -25,6 +25,9 @@ from meshslam.perception.sights import Sight, shared_area_px, sight
 
 FORCED = 10.0  # score of a detection that was given to the object
 ENOUGH_POINTS = 4  # to tell where an object has gone
+LEAST_AHEAD = 0.2  # depth of what was at depth 1 before a turn: less is beside the camera
+
+Turn = Callable[[int, int], Floats]  # two frames to the homography (3, 3) of far points from one to the other
 
 
 @dataclass(frozen=True)
@@ -48,20 +51,24 @@ def track(
     read_image: Callable[[int], Bytes] | None,
     config: TrackerConfig | None = None,
     progress: Callable[[int], None] | None = None,
+    turn: Turn | None = None,
 ) -> DetectionSet:
     """Give numbers to the objects that detections of `config.categories` show: 1, 2, ... by first appearance.
 
     A `track_id` that was given stays; where all are given, no image is read. `read_image` takes a frame number to a BGR
-    image; without images, masks and boxes that move evenly decide. Detections inside a better one stay without a track.
+    image; without images, masks and boxes that move evenly decide. `turn` says how the camera turns between two frames.
+    Detections inside a better one stay without a track.
     """
     config = config or TrackerConfig()
     wanted = [d for d in detections.detections if d.category in config.categories]
     if all(d.track_id is not None for d in wanted):
         return detections
-    tracker = _Tracker(config)
+    tracker, last = _Tracker(config), None
     for frame, found in detections.by_frame().items():
         image = grey(read_image(frame)) if read_image else None
-        tracker.step([d for d in found if d.category in config.categories], image)
+        turned = turn(last, frame) if turn is not None and last is not None else None
+        tracker.step([d for d in found if d.category in config.categories], image, turned)
+        last = frame
         if progress:
             progress(frame)
     given = {d.track_id for d in detections.detections if d.track_id is not None}
@@ -79,10 +86,10 @@ def voted_category(detections: Sequence[Detection]) -> str:
 @dataclass
 class _Object:
     sight: Sight  # in the last frame: seen or predicted
-    last_seen: Floats  # box
+    last_seen: Floats  # box, brought along as the camera turns
     given: int | None
     members: list[int]  # ids of detections
-    motion: Floats = field(default_factory=lambda: np.zeros(4))  # of the box, px a frame
+    motion: Floats = field(default_factory=lambda: np.zeros(4))  # of the box, px a frame, without the camera's turning
     missed: int = 0
 
 
@@ -93,13 +100,15 @@ class _Tracker:
     last_image: Bytes | None = None
     order: list[_Object] = field(default_factory=list)  # by first appearance
 
-    def step(self, detections: Sequence[Detection], image: Bytes | None) -> None:
-        """Take in one frame."""
+    def step(self, detections: Sequence[Detection], image: Bytes | None, turned: Floats | None = None) -> None:
+        """Take in one frame; `turned`: the homography of far points from the last frame to it."""
         seen = [(d, s) for d in detections if (s := sight(d, image, self.config.corners)) is not None]
         seen = _without_nested(seen, self.config.nested_share)
         ahead = _follow([o.sight for o in self.active], self.last_image, image)
         behind = _follow([s for _, s in seen], image, self.last_image)
-        expected = [Expected(f, _predict(o, f)) for o, f in zip(self.active, ahead, strict=True)]
+        for object_ in self.active:
+            object_.last_seen = _turned(object_.last_seen, turned)
+        expected = [Expected(f, _predict(o, f, turned)) for o, f in zip(self.active, ahead, strict=True)]
         pairs = self._match(expected, [d for d, _ in seen], behind)
         missed = set(range(len(self.active))) - {row for row, _ in pairs}
         for row, column in pairs:
@@ -185,11 +194,24 @@ def _lost(points: Floats) -> Flow:
     return Flow(points, points, np.zeros(len(points), bool))
 
 
-def _predict(object_: _Object, followed: Followed) -> Sight:
-    """Expect the mask where its corners have gone; with too few of them, where the box's even motion leads."""
+def _turned(box: Floats, homography: Floats | None) -> Floats:
+    """Where a box is after the camera has turned; it stays where it is if it would be beside or behind the camera."""
+    if homography is None:
+        return box
+    corners = np.array([[box[0], box[1], 1], [box[2], box[1], 1], [box[2], box[3], 1], [box[0], box[3], 1]])
+    moved = corners @ homography.T
+    if (moved[:, 2] < LEAST_AHEAD).any():
+        return box
+    pixels = moved[:, :2] / moved[:, 2:]
+    size, middle = box[2:] - box[:2], (pixels.min(0) + pixels.max(0)) / 2
+    return np.concatenate([middle - size / 2, middle + size / 2])
+
+
+def _predict(object_: _Object, followed: Followed, turned: Floats | None) -> Sight:
+    """Expect the mask where its corners have gone; with too few of them, where turning and even motion lead the box."""
     seen, flow = object_.sight, followed.points
     if flow.good.sum() < ENOUGH_POINTS:
-        x0, y0, x1, y1 = seen.box + object_.motion
+        x0, y0, x1, y1 = _turned(seen.box, turned) + object_.motion
         return seen.moved(np.array([x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)]))
     scale, centre, new_centre = scale_and_shift(seen.points[flow.good], flow.points[flow.good])
     return seen.moved(((seen.box.reshape(2, 2) - centre) * scale + new_centre).reshape(4))

@@ -5,9 +5,11 @@ from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
 from meshslam.sequences.imu_files import read_extrinsics, read_imu, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
 from meshslam.sequences.report import Problem
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.turning import turns
 
 __all__ = [
     "LOADERS",
@@ -24,6 +26,8 @@ __all__ = [
     "open_sequence",
     "read_extrinsics",
     "read_imu",
+    "read_path",
+    "turns",
     "with_imu",
     "write_sequence_folder",
 ]

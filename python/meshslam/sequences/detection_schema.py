@@ -11,6 +11,8 @@ from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import read_text
 
+LEAST_ANGLES = 4  # bins of a viewing angle's distribution
+
 
 def check_detections(path: Path, sequence: Sequence | None, report: Report) -> None:
     """Report everything in a detection file that does not fit the schema, or the sequence's frames and image size."""
@@ -89,14 +91,41 @@ def _annotation_problems(
 ) -> list[str]:
     found = [_box_problem(annotation.get("bbox")), _mask_problem(annotation.get("segmentation"), size)]
     count = None if category is None else len(category.get("keypoints") or [])
-    found.append(_list_problem("keypoints", annotation.get("keypoints"), None if count is None else 3 * count))
-    found.append(_list_problem("keypoint_scores", annotation.get("keypoint_scores"), count))
+    found += _keypoint_problems(annotation, count)
+    found.append(_shares_problem(annotation.get("viewing_angle_shares")))
     score, track = annotation.get("score", 1.0), annotation.get("track_id")
     if not _is_number(score) or not 0 <= score <= 1:
         found.append(f"score {score!r} is no number from 0 to 1")
     if track is not None and (not isinstance(track, int) or isinstance(track, bool)):
         found.append(f"track_id {track!r} is no whole number")
     return [problem for problem in found if problem]
+
+
+def _keypoint_problems(annotation: dict[str, Any], count: int | None) -> list[str]:
+    points = annotation.get("keypoints")
+    if isinstance(points, list):
+        points = _without_unknown(points)
+        if any(v not in (0, 1, 2) for v in points[2::3]):
+            return ["keypoints: v of each x, y, v is 0, 1 or 2"]
+    found = [_list_problem("keypoints", points, None if count is None else 3 * count)]
+    for key, least in (("keypoint_scores", "0 or more"), ("keypoint_sigmas_px", "above 0")):
+        values = annotation.get(key)
+        found.append(_list_problem(key, values, count))
+        if _are_numbers(values) and any(value < 0 or (value == 0 and least == "above 0") for value in values):
+            found.append(f"{key} holds {min(values)}, expected numbers {least}")
+    return found
+
+
+def _without_unknown(points: list[Any]) -> list[Any]:
+    """x, y, v of each point; x and y are 0 where v = 0, whatever stood there."""
+    return [0 if i % 3 < 2 and points[i - i % 3 + 2 : i - i % 3 + 3] == [0] else p for i, p in enumerate(points)]
+
+
+def _shares_problem(shares: object) -> str:
+    if shares is None:
+        return ""
+    good = _are_numbers(shares) and len(shares) >= LEAST_ANGLES and min(shares) >= 0 and sum(shares) > 0
+    return "" if good else f"viewing_angle_shares: expected {LEAST_ANGLES} or more numbers, none negative, not all 0"
 
 
 def _box_problem(box: object) -> str:
@@ -118,9 +147,9 @@ def _list_problem(key: str, values: object, expected: int | None) -> str:
 
 
 def _mask_problem(mask: object, size: tuple[int, int] | None) -> str:
-    """RLE (compressed or not) or polygons; none is allowed."""
+    """RLE (compressed or not) or polygons."""
     if mask is None:
-        return ""
+        return "segmentation is missing, expected RLE (size, counts) or polygons"
     if isinstance(mask, list):
         good = all(_are_numbers(part) and len(part) >= 6 and len(part) % 2 == 0 for part in mask) and len(mask) > 0
         return "" if good else "segmentation: a polygon is a list of at least three x, y pairs"

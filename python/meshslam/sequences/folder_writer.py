@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from collections.abc import Sequence as Items
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ def write_sequence_folder(
     camera: Camera,
     times_s: Floats,
     *,
-    images: Items[Bytes] | None = None,
+    images: Iterable[Bytes] | None = None,
     detections: Mapping[str, Any] | None = None,
     world_from_camera: Items[Pose] | None = None,
     imu: ImuSamples | None = None,

@@ -29,11 +29,13 @@ def read_extrinsics(path: Path, camera_number: int | None = None) -> tuple[Pose,
     """imu_from_camera, and by how many seconds the IMU's clock is ahead of the camera's.
 
     Taken from Kalibr's camchain-imucam YAML (`camN` with `T_cam_imu` and `timeshift_cam_imu`), a YAML or JSON mapping
-    with the key `imu_from_camera` or `camera_from_imu`, or a bare 4x4 matrix, which is imu_from_camera.
+    with the key `imu_from_camera` or `camera_from_imu`, or a bare 4x4 matrix, which is imu_from_camera unless the file
+    is called camera_from_imu.
     """
     content = _parsed(path)
     if isinstance(content, list):
-        return pose_of(path, "imu_from_camera", content), 0.0
+        matrix = pose_of(path, path.stem, content)
+        return (matrix.inverse() if path.stem == "camera_from_imu" else matrix), 0.0
     cameras = sorted(key for key in content if key.startswith("cam") and key[3:].isdigit())
     if cameras:
         return _kalibr(path, content, cameras, camera_number)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,11 +14,13 @@ import cv2
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Rendering
+from meshslam.geometry import Rendering, render
 from meshslam.geometry.arrays import Bools, Bytes, Floats
 from meshslam.maps.ply import PlyMesh, format_ply
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
-from meshslam.sequences import write_sequence_folder
+from meshslam.sequences import InitialState, write_sequence_folder
+from meshslam.sequences.tum import format_tum
+from meshslam.simulation.motion import IMU_FROM_CAMERA, ImuNoise, ImuReadings, simulated_imu
 from meshslam.simulation.render import draw, render_image, visible
 from meshslam.simulation.street import Car, Street
 
@@ -31,8 +33,12 @@ class ObserverConfig:
     keypoint_sigma_share: float = 0.01  # of the box's larger side
     keypoint_min_sigma_px: float = 1.0
     wild_share: float = 0.03  # of the key points lie anywhere in the box
+    keypoints: bool = True
     smallest_area_px: int = 250
     smallest_visible_share: float = 0.3
+
+
+EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, keypoint_min_sigma_px=0.0, wild_share=0.0)
 
 
 def write_recording(
@@ -40,36 +46,60 @@ def write_recording(
     folder: Path,
     observer: ObserverConfig | None = None,
     progress: Callable[[str, int, int], None] | None = None,
+    imu_noise: ImuNoise | None = None,
+    *,
+    known_poses: bool = True,
 ) -> Path:
-    """Write images, detections without track ids, poses, and truth: the same street gives the same bytes.
+    """Write images, detections without track ids, poses, IMU, and truth: the same street gives the same bytes.
 
-    The moving car is in `association.json`, not in `objects.json`: it has no one place. SequenceError if the folder
-    cannot be written.
+    Moving cars are in `association.json`, not in `objects.json`: they have no one place. `known_poses` are those that
+    may be used (poses.tum); the true path is there in any case. SequenceError if the folder cannot be written.
     """
-    count = len(street.times_s)
-    images: list[Bytes] = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for image in pool.map(partial(render_image, street), range(count)):
-            images.append(image)
-            if progress is not None:
-                progress("render", len(images), count)
     detections, object_of_annotation = observe(street, observer or ObserverConfig())
+    imu = street.imu or _simulated(street, imu_noise or ImuNoise())
     write_sequence_folder(
         folder,
         street.camera,
         street.times_s,
-        images=images,
+        images=_images(street, progress),
         detections=json.loads(write_detections(detections)),
-        world_from_camera=street.world_from_camera,
+        world_from_camera=street.world_from_camera if known_poses else None,
+        imu=None if imu is None else imu.samples,
+        imu_from_camera=None if imu is None else imu.imu_from_camera,
+        initial_state=None if imu is None else _initial_state(street, imu),
         height_above_ground_m=street.camera_height_m,
     )
     _write_truth(street, object_of_annotation, folder)
     return folder
 
 
+def _images(street: Street, progress: Callable[[str, int, int], None] | None) -> Iterator[Bytes]:
+    """Frames in their order, drawn side by side, a few ahead of the one that is taken."""
+    count, threads = len(street.times_s), os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        for first in range(0, count, 2 * threads):
+            part = range(first, min(first + 2 * threads, count))
+            for index, image in zip(part, pool.map(partial(render_image, street), part), strict=True):
+                if progress is not None:
+                    progress("render", index + 1, count)
+                yield image
+
+
+def _simulated(street: Street, noise: ImuNoise) -> ImuReadings | None:
+    """An IMU along the path; None for one frame alone, which has no motion."""
+    if len(street.times_s) < 2:
+        return None
+    rng = np.random.default_rng([street.seed, 3, street.drive])
+    return simulated_imu(street.times_s, street.world_from_camera, IMU_FROM_CAMERA, noise, rng)
+
+
+def _initial_state(street: Street, imu: ImuReadings) -> InitialState:
+    return InitialState(float(street.times_s[0]), street.world_from_camera[0], imu.velocity_in_world)
+
+
 def observe(street: Street, config: ObserverConfig) -> tuple[DetectionSet, dict[int, int]]:
     """Detections of every car in every frame, without track ids, and which car each annotation shows."""
-    rng = np.random.default_rng([street.seed, 1])
+    rng = np.random.default_rng([street.seed, 1, street.drive] if street.drive else [street.seed, 1])
     found: list[Detection] = []
     truth: dict[int, int] = {}
     for index in range(len(street.times_s)):
@@ -82,7 +112,8 @@ def observe(street: Street, config: ObserverConfig) -> tuple[DetectionSet, dict[
     size = (street.camera.width, street.camera.height)
     images = tuple(ImageEntry(i, f"{i:06d}.png", *size) for i in range(len(street.times_s)))
     first = street.cars[0]
-    return DetectionSet(images, (CategoryEntry(1, first.category, tuple(first.keypoints)),), tuple(found)), truth
+    names = tuple(first.keypoints) if config.keypoints else ()
+    return DetectionSet(images, (CategoryEntry(1, first.category, names),), tuple(found)), truth
 
 
 def _detection(
@@ -101,7 +132,7 @@ def _detection(
         street, index, number
     ):
         return None
-    mask = roughen(exact, rng, config.border_sigma_px)
+    mask = roughen(exact, rng, config.border_sigma_px) if config.border_sigma_px > 0 else exact
     x, y, width, height = cv2.boundingRect(mask)
     camera_from_object = street.world_from_camera[index].inverse() @ car.at(float(street.times_s[index]))
     points = camera_from_object.transform(np.array(list(car.keypoints.values())))
@@ -110,13 +141,15 @@ def _detection(
     box = (float(x), float(y), float(width), float(height))
     seen, scores = _seen_keypoints(pixels, shown, box, rng, config)
     score = float(np.round(np.clip(rng.normal(0.85, 0.06), 0.4, 0.99), 3))
-    return Detection(annotation, index, car.category, score, box, encode_mask(mask), mask.shape, seen, scores)
+    found = Detection(annotation, index, car.category, score, box, encode_mask(mask), mask.shape, seen, scores)
+    return found if config.keypoints else replace(found, keypoints=None, keypoint_scores=None)
 
 
 def _whole_area(street: Street, index: int, number: int) -> float:
     """Pixels that the car would cover with nothing before it."""
-    alone = Street(**(vars(street) | {"cars": (street.cars[number],), "walls": ()}))
-    return float(draw(alone, index).mask.sum())
+    car = street.cars[number]
+    camera_from_object = street.world_from_camera[index].inverse() @ car.at(float(street.times_s[index]))
+    return float(render(street.camera, [(camera_from_object, car.vertices, car.faces)]).mask.sum())
 
 
 def roughen(mask: Bytes, rng: np.random.Generator, sigma_px: float) -> Bytes:
@@ -156,6 +189,8 @@ def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: P
         document = {"objects": [_truth_entry(car) for car in parked]}
         (folder / "objects.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         (folder / "association.json").write_text(json.dumps(object_of_annotation) + "\n", encoding="utf-8")
+        path = format_tum(street.times_s, street.world_from_camera)
+        (folder / "groundtruth.tum").write_text(path, encoding="utf-8")
     except OSError as error:
         raise SequenceError(f"{error.filename or folder}: cannot be written: {error.strerror}") from None
 

@@ -1,86 +1,101 @@
-"""A street: parked cars on both sides, one that drives, house fronts, and a camera that drives along."""
+"""A street: parked cars on both sides, some that drive, house fronts, and a camera that drives along."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats, Ints
+from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
+from meshslam.simulation.fronts import Wall, walls_along
+from meshslam.simulation.motion import ImuReadings
+from meshslam.simulation.road import Road
 
-_WORLD_FROM_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # the camera looks along x
+FORWARD_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # z ahead becomes x ahead
+Mode = Literal["coloured", "textureless", "contrast"]
+_BEYOND_M = 10.0  # the last of cars that are spread begins so far after the drive's end
 
 
 @dataclass(frozen=True)
 class StreetConfig:
-    """What a street is like: its road runs along x at z = 0, the camera's lane is the right one."""
+    """What a street is like: the camera's lane is the right one."""
 
     frames: int = 28
     frame_interval_s: float = 0.1
     speed_m_s: float = 10.0
+    bend_deg: float = 0.0  # how far the road turns to one side and back, over `bend_length_m`
+    bend_length_m: float = 120.0
     width_px: int = 800
     height_px: int = 240
     focal_px: float = 470.0
     camera_height_m: float = 1.65
     cars_each_side: int = 5
-    first_car_m: float = 8.0  # of the nearest parked cars' rear bumpers
+    first_car_m: float = 8.0  # of the nearest parked cars' rear bumpers, from the first camera
+    least_gap_m: float = 0.8  # between parked cars
+    largest_gap_m: float = 3.0
+    spread: bool = False  # cars stand evenly along the whole drive instead, left and right by turns
     kerb_m: float = 4.9  # half the street's width, parked cars included
+    sway_m: float = 0.25  # of the camera in its lane
     lane_m: float = 1.1  # half the distance of the two lanes' middles
-    largest_z: float = 1.5  # of the cars' mode weights, in standard deviations
+    largest_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
+    moving_cars: int = 1  # ahead in the lane, then oncoming, by turns
     moving_speed_m_s: float = 7.0
-    moving_start_m: float = 15.0
+    moving_start_m: float = 15.0  # of the first; oncoming ones come from `oncoming_start_m`
+    oncoming_start_m: float = 45.0
+    mode: Mode = "coloured"
 
 
 @dataclass(frozen=True, eq=False)
 class Car:
-    """A car, parked or driving evenly; the origin of its frame is the centre of its bounding box."""
+    """A body on the road, parked or driving evenly along it."""
 
     id: int
-    category: str
-    start: Pose  # world_from_object at time 0
-    velocity_in_world: Floats  # (3,), m/s
-    vertices: Floats  # (V, 3)
-    faces: Ints  # (F, 3)
-    keypoints: dict[str, Floats]  # (3,), in object
-    colour_bgr: Floats  # (3,), 0 to 1
+    body: Body
+    skin: Skin
+    road: Road
+    along_m: float  # at time 0
+    aside_m: float
+    turn_rad: float  # from the road's heading
+    speed_m_s: float = 0.0  # along the road, negative against it
+
+    @property
+    def category(self) -> str:
+        """Its class."""
+        return self.body.category
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices (V, 3), in object."""
+        return self.body.vertices
+
+    @property
+    def faces(self) -> Ints:
+        """Faces (F, 3)."""
+        return self.body.faces
+
+    @property
+    def keypoints(self) -> dict[str, Floats]:
+        """Key points (3,), in object."""
+        return self.body.keypoints
 
     @property
     def moves(self) -> bool:
         """Whether it is on the way."""
-        return bool(self.velocity_in_world.any())
+        return self.speed_m_s != 0.0
+
+    @property
+    def start(self) -> Pose:
+        """world_from_object at time 0."""
+        return self.at(0.0)
 
     def at(self, time_s: float) -> Pose:
         """world_from_object at a time."""
-        return Pose(self.start.rotation, self.start.translation + self.velocity_in_world * time_s)
-
-
-@dataclass(frozen=True, eq=False)
-class Wall:
-    """A house front: an upright rectangle from `start` to `end` (2,), on the ground."""
-
-    start: Floats
-    end: Floats
-    height_m: float
-    colour_bgr: Floats  # (3,), 0 to 1
-
-    @property
-    def vertices(self) -> Floats:
-        """Corners (4, 3), in world."""
-        low = np.array([[*self.start, 0.0], [*self.end, 0.0]])
-        return np.concatenate([low, low + [0.0, 0.0, self.height_m]])
-
-    @property
-    def faces(self) -> Ints:
-        """Both triangles, seen from both sides alike."""
-        return np.array([[0, 1, 2], [1, 3, 2]])
-
-    @property
-    def normal(self) -> Floats:
-        """Unit normal (3,)."""
-        along = np.append(self.end - self.start, 0.0) / np.linalg.norm(self.end - self.start)
-        return np.cross(along, [0.0, 0.0, 1.0])
+        height = float(self.body.dimensions[2]) / 2
+        return self.road.pose(self.along_m + self.speed_m_s * time_s, self.aside_m, height, self.turn_rad)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,114 +108,124 @@ class Street:
     world_from_camera: tuple[Pose, ...]
     camera_height_m: float
     kerb_m: float
+    road: Road
     cars: tuple[Car, ...]
     walls: tuple[Wall, ...]
+    mode: Mode = "coloured"
+    imu: ImuReadings | None = None  # None: it is simulated
+    drive: int = 0  # how often it was driven through before
 
 
-def make_street(category: Category, seed: int = 0, config: StreetConfig | None = None) -> Street:
-    """Draw a street: the same seed gives the same street."""
+def make_street(bodies: Category | BodySource, seed: int = 0, config: StreetConfig | None = None) -> Street:
+    """Draw a street along a road that bends as the configuration says: the same seed gives the same street."""
     config = config or StreetConfig()
-    rng = np.random.default_rng(seed)
     times_s: Floats = np.arange(config.frames) * np.float64(config.frame_interval_s)
-    camera = Camera(
-        config.width_px,
-        config.height_px,
-        config.focal_px,
-        config.focal_px,
-        (config.width_px - 1) / 2,
-        0.42 * config.height_px,
-    )
+    road = bending_road(config)
+    poses = tuple(_camera_at(road, t, config) for t in times_s)
+    return furnished(bodies, seed, config, road, times_s, poses, street_camera(config))
+
+
+def driven_again(street: Street, config: StreetConfig) -> Street:
+    """The same street on a second drive, in which the camera sways to the other side; its IMU errs anew."""
+    other = replace(config, sway_m=-2 * config.sway_m)
+    poses = tuple(_camera_at(street.road, t, other) for t in street.times_s)
+    return replace(street, drive=street.drive + 1, world_from_camera=poses, imu=None)
+
+
+def street_camera(config: StreetConfig) -> Camera:
+    """A camera whose horizon lies a little above the image's middle."""
+    centre = (config.width_px - 1) / 2, 0.42 * config.height_px
+    return Camera(config.width_px, config.height_px, config.focal_px, config.focal_px, *centre)
+
+
+def furnished(
+    bodies: Category | BodySource,
+    seed: int,
+    config: StreetConfig,
+    road: Road,
+    times_s: Floats,
+    world_from_camera: tuple[Pose, ...],
+    camera: Camera,
+) -> Street:
+    """Put cars and house fronts along a road; the first camera is at 0 m."""
+    draw = shapes_of(bodies, config.largest_z) if isinstance(bodies, Category) else bodies
+    rng = np.random.default_rng(seed)
     cars: list[Car] = []
     for side in (-1.0, 1.0):
         along = config.first_car_m + rng.uniform(0.0, 3.0)
-        for _ in range(config.cars_each_side):
-            car = _parked_car(len(cars) + 1, side, along, category, rng, config)
+        for k in range(config.cars_each_side):
+            if config.spread:
+                along = _even_place(k, side, world_from_camera, config)
+            car = _parked_car(len(cars) + 1, side, along, road, draw(rng), rng, config)
+            along += float(car.body.dimensions[0]) + rng.uniform(config.least_gap_m, config.largest_gap_m)
             cars.append(car)
-            along += float(np.ptp(car.vertices[:, 0])) + rng.uniform(0.8, 3.0)
-    cars.append(_moving_car(len(cars) + 1, category, rng, config))
+    cars = [replace(car, id=i + 1) for i, car in enumerate(_clear(cars, world_from_camera))]
+    for k in range(config.moving_cars):
+        cars.append(_moving_car(len(cars) + 1, k, road, draw(rng), rng, config))
+    walls = walls_along(road, rng, config.kerb_m)
+    height = config.camera_height_m
     return Street(
-        seed,
-        camera,
-        times_s,
-        tuple(_camera_at(t, config) for t in times_s),
-        config.camera_height_m,
-        config.kerb_m,
-        tuple(cars),
-        _walls(rng, config),
+        seed, camera, times_s, world_from_camera, height, config.kerb_m, road, tuple(cars), walls, config.mode
     )
 
 
-def _camera_at(time_s: float, config: StreetConfig) -> Pose:
+def bending_road(config: StreetConfig, behind_m: float = 12.0, ahead_m: float = 112.0) -> Road:
+    """A level road whose heading swings as a sine; straight on behind the first camera, which stands at x = 0."""
+    way = config.speed_m_s * config.frame_interval_s * config.frames
+    along = np.arange(-behind_m, ahead_m + way + 1.0)
+    swing = np.radians(config.bend_deg) * np.sin(2 * np.pi * np.maximum(along, 0.0) / config.bend_length_m)
+    steps = np.column_stack([np.cos(swing), np.sin(swing), np.zeros(len(along))])
+    line = np.cumsum(steps, axis=0)
+    return Road(line - line[np.searchsorted(along, 0.0)], -behind_m)
+
+
+def _camera_at(road: Road, time_s: float, config: StreetConfig) -> Pose:
     """The camera swings gently within its lane, and nods."""
-    x = config.speed_m_s * time_s
-    y = -config.lane_m + 0.25 * np.sin(0.15 * x)
-    yaw, pitch = np.arctan(0.25 * 0.15 * np.cos(0.15 * x)), 0.004 * np.sin(0.9 * x)
-    turn = Pose.from_yaw(float(yaw), np.array([x, y, config.camera_height_m]))
+    along = config.speed_m_s * time_s
+    aside = -config.lane_m + config.sway_m * np.sin(0.15 * along)
+    yaw, pitch = np.arctan(config.sway_m * 0.15 * np.cos(0.15 * along)), 0.004 * np.sin(0.9 * along)
+    place = road.point(along, float(aside)) + [0.0, 0.0, config.camera_height_m]
+    turn = Pose.from_yaw(road.heading_rad(along) + float(yaw), place)
     c, s = np.cos(pitch), np.sin(pitch)
     nod = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return Pose(turn.rotation @ nod @ _WORLD_FROM_FORWARD, turn.translation)
+    return Pose(turn.rotation @ nod @ FORWARD_FROM_CAMERA, turn.translation)
+
+
+def _even_place(k: int, side: float, world_from_camera: tuple[Pose, ...], config: StreetConfig) -> float:
+    """Where the k-th car of a side begins, if all stand evenly from the first one's place to beyond the drive's end."""
+    path = np.array([pose.translation for pose in world_from_camera])
+    end = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) + _BEYOND_M
+    share = (2 * k + (side > 0)) / max(1, 2 * config.cars_each_side - 1)
+    return config.first_car_m + share * (end - config.first_car_m)
 
 
 def _parked_car(
-    number: int, side: float, rear_m: float, category: Category, rng: np.random.Generator, config: StreetConfig
+    number: int, side: float, rear_m: float, road: Road, body: Body, rng: np.random.Generator, config: StreetConfig
 ) -> Car:
     """A car at the right (-1) or left (+1) kerb; those at the left mostly face the camera."""
-    vertices = _shape(category, rng, config)
-    length, width, height = np.ptp(vertices, axis=0)
+    length, width, _ = body.dimensions
     faces_camera = rng.random() < (0.8 if side > 0 else 0.1)
-    y = side * (config.kerb_m - 0.2 - width / 2)
-    yaw = (np.pi if faces_camera else 0.0) + rng.normal(0.0, 0.03)
-    pose = Pose.from_yaw(float(yaw), np.array([rear_m + length / 2, y, height / 2]))
-    return _car(number, pose, np.zeros(3), vertices, category, rng)
+    turn = (np.pi if faces_camera else 0.0) + rng.normal(0.0, 0.03)
+    aside = side * (config.kerb_m - 0.2 - width / 2)
+    return Car(number, body, body.looks(rng), road, rear_m + length / 2, aside, float(turn))
 
 
-def _moving_car(number: int, category: Category, rng: np.random.Generator, config: StreetConfig) -> Car:
-    """A car ahead in the camera's lane."""
-    vertices = _shape(category, rng, config)
-    height = float(np.ptp(vertices[:, 2]))
-    pose = Pose.from_yaw(0.0, np.array([config.moving_start_m, -config.lane_m, height / 2]))
-    return _car(number, pose, np.array([config.moving_speed_m_s, 0.0, 0.0]), vertices, category, rng)
+def _clear(cars: list[Car], world_from_camera: tuple[Pose, ...]) -> list[Car]:
+    """Those that stand neither in each other nor in the camera's way: a road may come back to where it was."""
+    path = np.array([pose.translation[:2] for pose in world_from_camera])
+    kept: list[Car] = []
+    for car in cars:
+        place, half = car.start.translation[:2], float(car.body.dimensions[1]) / 2
+        others = [other.start.translation[:2] for other in kept]
+        near = [float(np.linalg.norm(place - other)) < 2 * half for other in others]
+        if not any(near) and np.linalg.norm(path - place, axis=1).min() > half + 0.8:
+            kept.append(car)
+    return kept
 
 
-def _shape(category: Category, rng: np.random.Generator, config: StreetConfig) -> Floats:
-    """A shape of the category, its bounding box centred."""
-    z = np.clip(rng.normal(size=len(category.modes)), -config.largest_z, config.largest_z)
-    vertices = category.shape(z)
-    centred: Floats = vertices - (vertices.max(0) + vertices.min(0)) / 2
-    return centred
-
-
-_PAINTS_BGR = np.array(
-    [
-        [0.75, 0.76, 0.77],  # silver
-        [0.88, 0.88, 0.87],  # white
-        [0.20, 0.20, 0.21],  # anthracite
-        [0.50, 0.26, 0.12],  # blue
-        [0.14, 0.12, 0.55],  # red
-        [0.28, 0.38, 0.22],  # green
-        [0.30, 0.62, 0.75],  # sand
-    ]
-)
-
-
-def _car(
-    number: int, start: Pose, velocity: Floats, vertices: Floats, category: Category, rng: np.random.Generator
-) -> Car:
-    paint = _PAINTS_BGR[rng.integers(len(_PAINTS_BGR))] * rng.uniform(0.9, 1.1)
-    keypoints = dict(zip(category.keypoint_names, category.keypoints(vertices), strict=True))
-    return Car(number, category.name, start, velocity, vertices, category.faces, keypoints, np.clip(paint, 0.0, 1.0))
-
-
-def _walls(rng: np.random.Generator, config: StreetConfig) -> tuple[Wall, ...]:
-    """House fronts along both pavements, and one that closes the street."""
-    walls: list[Wall] = []
-    for side in (-1.0, 1.0):
-        x = -12.0
-        while x < 110.0:
-            width, back = rng.uniform(8.0, 16.0), side * (config.kerb_m + 3.0)
-            colour = np.array([0.55, 0.62, 0.68]) * rng.uniform(0.85, 1.15, 3)
-            ends = np.array([x, back]), np.array([x + width, back])
-            walls.append(Wall(*ends, rng.uniform(6.0, 13.0), np.clip(colour, 0.0, 1.0)))
-            x += width
-    walls.append(Wall(np.array([112.0, -25.0]), np.array([112.0, 25.0]), 9.0, np.array([0.5, 0.56, 0.6])))
-    return tuple(walls)
+def _moving_car(number: int, k: int, road: Road, body: Body, rng: np.random.Generator, config: StreetConfig) -> Car:
+    """A car ahead in the camera's lane, or one that comes towards it in the other."""
+    skin, speed, further = body.looks(rng), config.moving_speed_m_s, 18.0 * (k // 2)
+    if k % 2 == 0:
+        return Car(number, body, skin, road, config.moving_start_m + further, -config.lane_m, 0.0, speed)
+    return Car(number, body, skin, road, config.oncoming_start_m + further, config.lane_m, np.pi, -speed)

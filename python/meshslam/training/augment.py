@@ -5,15 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.categories.procedural.car import KEYPOINT_NAMES
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.perception.keypoints.crop import GREY
-from meshslam.training.dataset import Samples
-
-_SIDES = {"left": "right", "right": "left"}
-MIRRORED = np.array(
-    [KEYPOINT_NAMES.index("_".join(_SIDES.get(word, word) for word in name.split("_"))) for name in KEYPOINT_NAMES]
-)
+from meshslam.perception.keypoints.mirror import MIRRORED
+from meshslam.training.dataset import Samples, in_crop
 
 
 def varied(rng: np.random.Generator, samples: Samples) -> Samples:
@@ -37,7 +32,7 @@ def _varied(rng: np.random.Generator, samples: Samples, i: int) -> tuple[Bytes, 
     beyond = (GREY, GREY, GREY, 0)
     warped = cv2.warpAffine(cut, np.column_stack([linear, shift]), (width, height), borderValue=beyond)
     keypoints = keypoints @ linear.T + shift
-    visible = visible * ((keypoints >= 0) & (keypoints <= [width - 1, height - 1])).all(1)
+    visible = visible * in_crop(keypoints)
     moved = np.asarray(warped, np.uint8)
     _grade(rng, moved)
     _erase(rng, moved, keypoints, visible)

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshslam.geometry import Camera
 from meshslam.geometry.arrays import Floats
-from meshslam.training.light import Light
+from meshslam.simulation.light import Light
 
 _TILE = 128
 _ROW = 4096

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry.arrays import Bools, Bytes, Singles
 from meshslam.training.background import clouded
 from meshslam.training.scene import Picture, as_bytes
+
+_GREY = np.array([[0.114], [0.587], [0.299]], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,29 +122,39 @@ def _drop(rng: np.random.Generator, mask: np.ndarray) -> None:
         mask[:, int(right - share * (right - left)) :] = 0
 
 
-def photographed(rng: np.random.Generator, colour: Floats) -> Bytes:
+def photographed(rng: np.random.Generator, colour: Singles) -> Bytes:
     """Expose, blur, add noise, compress."""
-    peak = float(np.quantile(colour, rng.uniform(0.8, 0.995))) + 0.05
-    image = np.clip(colour * rng.uniform(0.55, 1.1) / peak, 0, 1) ** rng.uniform(0.5, 0.9)
-    image = np.clip((image - 0.5) * rng.uniform(0.7, 1.3) + 0.5 + rng.normal(0, 0.05), 0, 1)
-    if rng.random() < 0.35:
-        image = np.repeat(image @ np.array([[0.114], [0.587], [0.299]]), 3, axis=2)
-    else:
-        image = np.clip(image * (1 + rng.normal(0, 0.06, 3)), 0, 1)
-        grey = image.mean(2, keepdims=True)
-        image = np.clip(grey + (image - grey) * rng.uniform(0.3, 1.4), 0, 1)
+    peak = float(np.quantile(colour[::3, ::3], rng.uniform(0.8, 0.995))) + 0.05
+    image = np.clip(colour * np.float32(rng.uniform(0.55, 1.1) / peak), 0, 1)
+    cv2.pow(image, rng.uniform(0.5, 0.9), image)
+    image = _graded(rng, image)
     if rng.random() < 0.5:
-        image = np.asarray(cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.006 * max(image.shape) + 0.8)), float)
+        image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.006 * max(image.shape) + 0.8))
     if rng.random() < 0.2:
-        length = int(rng.integers(2, 6))
-        image = np.asarray(cv2.blur(image, (length, 1)), float)
-    image = image + rng.normal(0, rng.uniform(0.0, 0.03), image.shape[:2] + (1,))
-    image = image + rng.normal(0, rng.uniform(0.0, 0.02), image.shape)
-    found = as_bytes(np.asarray(image, float))
+        image = cv2.blur(image, (int(rng.integers(2, 6)), 1))
+    image = image + _noise(rng, 0.03, (*image.shape[:2], 1)) + _noise(rng, 0.02, image.shape)
+    found = as_bytes(image)
     if rng.random() < 0.4:
         _, code = cv2.imencode(".jpg", found, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(35, 95))])
         found = np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR), np.uint8)
     return found
+
+
+def _graded(rng: np.random.Generator, image: Singles) -> Singles:
+    """Another contrast, brightness and saturation, or grey."""
+    image = np.clip(
+        (image - np.float32(0.5)) * np.float32(rng.uniform(0.7, 1.3)) + np.float32(0.5 + rng.normal(0, 0.05)), 0, 1
+    )
+    if rng.random() < 0.35:
+        return np.repeat(image @ _GREY, 3, axis=2)
+    image = np.clip(image * (1 + rng.normal(0, 0.06, 3)).astype(np.float32), 0, 1)
+    grey = image.mean(2, keepdims=True)
+    coloured: Singles = np.clip(grey + (image - grey) * np.float32(rng.uniform(0.3, 1.4)), 0, 1)
+    return coloured
+
+
+def _noise(rng: np.random.Generator, most: float, shape: tuple[int, ...]) -> Singles:
+    return rng.standard_normal(shape, np.float32) * np.float32(rng.uniform(0.0, most))
 
 
 def seen(rng: np.random.Generator, picture: Picture) -> Seen:

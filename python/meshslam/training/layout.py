@@ -12,7 +12,7 @@ import numpy as np
 
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
-from meshslam.training.cars import TrainingCar
+from meshslam.simulation.cars import ProceduralCar
 
 _CAMERA_FROM_LEVEL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _ROOM = 0.45  # drawn around the car, in its size, on each side
@@ -20,9 +20,9 @@ _ROOM = 0.45  # drawn around the car, in its size, on each side
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A car at its place; the car's frame is that of TrainingCar."""
+    """A car at its place; the car's frame is that of ProceduralCar."""
 
-    car: TrainingCar
+    car: ProceduralCar
     world_from_car: Pose
 
 
@@ -36,7 +36,7 @@ class Layout:
     viewing_angle_rad: float  # of the camera seen from the car: 0 ahead of it, pi / 2 at its left
 
 
-def draw_layout(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Layout:
+def draw_layout(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Layout:
     """Draw a camera as cars carry it (1.2 to 2 m above the road), and 1 to 5 parked cars."""
     target = cars[int(rng.integers(len(cars)))]
     angle = _viewing_angle(rng)
@@ -74,13 +74,15 @@ def _rotation(roll: float, pitch: float, yaw: float) -> Floats:
     return product
 
 
-def _about_middle(pose: Pose, car: TrainingCar) -> Pose:
+def _about_middle(pose: Pose, car: ProceduralCar) -> Pose:
     """The pose that brings the car's middle, not the middle of its wheelbase, to the place."""
     shift = pose.rotation @ (car.middle * [1, 1, 0])
     return Pose(pose.rotation, pose.translation - shift)
 
 
-def _neighbours(rng: np.random.Generator, cars: Sequence[TrainingCar], target: TrainingCar, pose: Pose) -> list[Placed]:
+def _neighbours(
+    rng: np.random.Generator, cars: Sequence[ProceduralCar], target: ProceduralCar, pose: Pose
+) -> list[Placed]:
     """Cars ahead and behind in the row, or beside it, or across the road."""
     found: list[Placed] = []
     if rng.random() < 0.25:
@@ -104,7 +106,7 @@ def _neighbours(rng: np.random.Generator, cars: Sequence[TrainingCar], target: T
 
 
 def _beside(
-    rng: np.random.Generator, pose: Pose, target: TrainingCar, other: TrainingCar, away: Floats, *, flip: bool
+    rng: np.random.Generator, pose: Pose, target: ProceduralCar, other: ProceduralCar, away: Floats, *, flip: bool
 ) -> Placed:
     turn = rng.normal(0, 0.05) + (np.pi if flip else 0.0)
     rotation = pose.rotation @ Pose.from_yaw(turn, np.zeros(3)).rotation

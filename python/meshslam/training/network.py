@@ -1,4 +1,4 @@
-"""The key point network: an hourglass of bottlenecks (Newell et al. 2016) with a head for the viewing angle."""
+"""The key point network: an hourglass of bottlenecks (Newell et al. 2016) that looks before it points."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from torch import Tensor, nn
 
 from meshslam.perception.keypoints.decode import ANGLES, CELL_PX, KEYPOINTS
 
-_WIDTHS = (24, 40, 80, 144)  # channels at 1/2, 1/4, 1/8 and 1/16 of the input
+_WIDTHS = (24, 40, 80, 176)  # channels at 1/2, 1/4, 1/8 and 1/16 of the input
 _HEAD = 24
+_LOOK = 112
 
 
 class KeypointNetwork(nn.Module):
@@ -28,20 +29,23 @@ class KeypointNetwork(nn.Module):
         self.middle_to_stem, self.stem_up = _point(c, b), nn.Sequential(_Bottleneck(b), _Bottleneck(b))
         self.maps = nn.Conv2d(b, 2 * KEYPOINTS, 1)
         cells = height // (4 * CELL_PX) * (width // (4 * CELL_PX))
-        self.look = nn.Sequential(_point(d, _HEAD), nn.Flatten(), nn.Linear(cells * _HEAD, 96), nn.ReLU())
-        self.answers = nn.Linear(96, KEYPOINTS + ANGLES)
+        self.look = nn.Sequential(_point(d, _HEAD), nn.Flatten(), nn.Linear(cells * _HEAD, _LOOK), nn.ReLU())
+        self.answers = nn.Linear(_LOOK, KEYPOINTS + ANGLES)
+        self.look_to_deep = nn.Linear(_LOOK, d)
 
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Heat maps, visibility, log sigma, angle."""
         fine = self.stem(crops)
         half = self.middle(fine)
         deep = self.deep(half)
+        look = self.look(deep)
+        deep = deep + self.look_to_deep(look)[..., None, None]
         half = self.middle_up(half + _doubled(self.deep_to_middle(deep)))
         fine = self.stem_up(fine + _doubled(self.middle_to_stem(half)))
         heat, spread = self.maps(fine).split(KEYPOINTS, 1)
         share = torch.softmax(heat.flatten(2), 2)
         log_sigma = (share * spread.flatten(2)).sum(2)
-        visible, angle = self.answers(self.look(deep)).split([KEYPOINTS, ANGLES], 1)
+        visible, angle = self.answers(look).split([KEYPOINTS, ANGLES], 1)
         return heat, visible, log_sigma, angle
 
 

@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Camera, Pose, Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry.arrays import Bools, Bytes, Floats, Singles
+from meshslam.simulation.bodies import UPRIGHT_REAR_M
+from meshslam.simulation.cars import ProceduralCar
+from meshslam.simulation.light import Light, draw_light, lit, shaded
+from meshslam.simulation.look import draw_look
+from meshslam.simulation.materials import surface
 from meshslam.training.background import backdrop, ground_texture
-from meshslam.training.cars import TrainingCar
 from meshslam.training.layout import Layout, draw_layout
-from meshslam.training.light import Light, draw_light, lit, shaded
-from meshslam.training.look import draw_look
-from meshslam.training.materials import surface
 
 _FINE_BELOW_PX = 110  # smaller pictures are drawn with 2 x 2 samples a pixel
 _NEAR_M = 2.2  # neighbours this near to the camera are left out
@@ -26,17 +27,16 @@ _SLACK_M = 0.12  # a key point lies this far under the surface at most
 class Picture:
     """What a camera sees of one car."""
 
-    image_bgr: Floats  # (h, w, 3), 0 to 1
+    image_bgr: Singles  # (h, w, 3), light: 1 is white in the sun, what mirrors may be brighter
     mask: Bools  # (h, w), the car's own pixels
     others: Bools  # (h, w), other cars' pixels
     whole_px: int  # pixels that the car would have without anything before it
     keypoints: Floats  # (12, 2), px
-    visible: Bools  # (12,)
+    visible: Bools  # (12,), ahead of the camera, inside the image and hidden by nothing
     viewing_angle_rad: float
-    depth_step: Bools  # (12,), key points in front of the camera
 
 
-def draw_picture(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Picture:
+def draw_picture(rng: np.random.Generator, cars: Sequence[ProceduralCar]) -> Picture:
     """Draw a scene and render it."""
     layout, light = draw_layout(rng, cars), draw_light(rng)
     kept = [layout.cars[0], *(c for c in layout.cars[1:] if _clear_of_camera(layout, c.world_from_car, c.car))]
@@ -57,18 +57,17 @@ def draw_picture(rng: np.random.Generator, cars: Sequence[TrainingCar]) -> Pictu
     points = meshes[0][0].transform(layout.cars[0].car.keypoints)
     pixels = layout.camera.project(np.where(points[:, 2:] > 0.2, points, [0, 0, 1.0]))
     return Picture(
-        np.asarray(shrunk[0], float),
+        np.asarray(shrunk[0], np.float32),
         np.asarray(shrunk[1]) > 0.5,
         np.asarray(shrunk[2]) > 0.5,
         int((alone.object_index == 0).sum()),
         pixels,
         _visible(drawn, camera, points, fine),
         layout.viewing_angle_rad,
-        points[:, 2] > 0.2,
     )
 
 
-def _clear_of_camera(layout: Layout, world_from_car: Pose, car: TrainingCar) -> bool:
+def _clear_of_camera(layout: Layout, world_from_car: Pose, car: ProceduralCar) -> bool:
     points = (layout.camera_from_world @ world_from_car).transform(car.vertices[: car.coarse])
     return bool(np.linalg.norm(points, axis=1).min() > _NEAR_M)
 
@@ -96,7 +95,7 @@ def _pixels(camera: Camera) -> Floats:
 
 def _car_colours(
     rng: np.random.Generator,
-    car: TrainingCar,
+    car: ProceduralCar,
     camera_from_car: Pose,
     layout: Layout,
     light: Light,
@@ -108,7 +107,7 @@ def _car_colours(
     in_camera = rays[here] / drawn.inverse_depth[here][:, None]
     points = camera_from_car.inverse().transform(in_camera)
     normals = car.face_normals[drawn.face_index[here]]
-    upright = car.shape.roof_rear_from_tail < 0.8
+    upright = car.shape.roof_rear_from_tail < UPRIGHT_REAR_M
     made_of = surface(car.shape, draw_look(rng, upright), points, normals)
     world_from_camera = layout.camera_from_world.inverse()
     along = in_camera / np.linalg.norm(in_camera, axis=1, keepdims=True)
@@ -178,6 +177,6 @@ def _visible(drawn: Rendering, camera: Camera, points: Floats, fine: int) -> Boo
     return shown
 
 
-def as_bytes(colour: Floats) -> Bytes:
+def as_bytes(colour: Singles) -> Bytes:
     """Colours from 0 to 1 as bytes."""
     return np.asarray(np.clip(np.round(colour * 255), 0, 255), np.uint8)

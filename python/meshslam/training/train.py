@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,17 +12,21 @@ from typing import Any
 import numpy as np
 import torch
 
+from meshslam.geometry.arrays import Singles
 from meshslam.maps import write_atomically
 from meshslam.perception.keypoints.crop import to_input
+from meshslam.perception.keypoints.mirror import Answers, answers_of
 from meshslam.training.augment import varied
-from meshslam.training.dataset import Samples, load_samples
+from meshslam.training.dataset import Samples
 from meshslam.training.losses import total_loss
 from meshslam.training.network import KeypointNetwork
+from meshslam.training.pictures import CHUNK, Album, load_album, samples_of
 from meshslam.training.score import Score, score
 
 Report = Callable[[str, int, int], None]
 OUTPUTS = ("heat", "visible", "log_sigma", "angle")
 OPSET = 17
+HELD_OUT = 2**32 - 1  # beside the seed: where the random numbers of the held-out samples start
 
 
 @dataclass(frozen=True)
@@ -29,54 +34,51 @@ class TrainingConfig:
     """What decides the weights."""
 
     seed: int = 1
-    chunks: int = 78  # of 200 samples
+    chunks: int = 45
+    chunk_size: int = CHUNK  # pictures
     held_out_chunks: int = 5
-    cycles: tuple[int, ...] = (4,)  # epochs of each rise and fall of the learning rate
+    epochs: int = 9
+    horizon: float = 4 / 3  # of the epochs: one rise and fall of the learning rate
+    cool_down: float = 5 / 9  # of the epochs, the last ones, in which it also fades out in a straight line
     batch: int = 32
-    learning_rate: float = 3e-3  # at its first peak
+    learning_rate: float = 3e-3  # at its peak
     weight_decay: float = 1e-3
-    warm_up: float = 0.1  # share of the steps
+    warm_up: float = 0.1  # share of the horizon
 
 
-def learn(samples: Samples, config: TrainingConfig, checkpoint: Path, report: Report | None = None) -> KeypointNetwork:
-    """Train a network on one thread; a checkpoint after each epoch is taken up again by the same command."""
+def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report | None = None) -> KeypointNetwork:
+    """Train a network on one thread; a checkpoint after each epoch is taken up again by the same command.
+
+    Every epoch takes another sample of each picture.
+    """
     torch.set_num_threads(1)
     torch.manual_seed(config.seed)
     network = KeypointNetwork()
     network.to(memory_format=torch.channels_last)
-    for number, epochs in enumerate(config.cycles):
-        _cycle(network, samples, config, (number, epochs), checkpoint, report)
-    return network
-
-
-def _cycle(
-    network: KeypointNetwork,
-    samples: Samples,
-    config: TrainingConfig,
-    cycle: tuple[int, int],
-    checkpoint: Path,
-    report: Report | None,
-) -> None:
-    """One rise and fall of the learning rate, half as high as the one before."""
-    number, epochs = cycle
-    steps, rate = len(samples) // config.batch, config.learning_rate / 2**number
-    optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=config.weight_decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, epochs * steps, pct_start=config.warm_up)
-    for epoch in range(_resume(checkpoint, config, cycle, (network, optimizer, schedule)), epochs):
-        rng = np.random.default_rng([config.seed, sum(config.cycles[:number]) + epoch])
-        order = rng.permutation(len(samples))[: steps * config.batch].reshape(steps, config.batch)
+    steps = len(album) // config.batch
+    optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, config.learning_rate, round(config.horizon * config.epochs * steps), pct_start=config.warm_up
+    )
+    for epoch in range(_resume(checkpoint, config, (network, optimizer, schedule)), config.epochs):
+        rng = np.random.default_rng([config.seed, epoch])
+        order = rng.permutation(len(album))[: steps * config.batch].reshape(steps, config.batch)
         network.train()
         for step, rows in enumerate(order):
-            loss = _loss(network, varied(rng, samples.chosen(rows)))
+            loss = _loss(network, varied(rng, samples_of(rng, album, rows)))
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             optimizer.step()
             schedule.step()
+            left = 1 - (epoch + (step + 1) / steps) / config.epochs
+            for group in optimizer.param_groups:
+                group["lr"] *= min(1.0, left / config.cool_down)
             if report:
-                report(f"cycle {number + 1}, epoch {epoch + 1}", step + 1, steps)
+                report(f"epoch {epoch + 1} of {config.epochs}", step + 1, steps)
         state = [part.state_dict() for part in (network, optimizer, schedule)]
-        _save(checkpoint, {"config": asdict(config), "cycle": number, "epoch": epoch + 1, "state": state})
+        _save(checkpoint, {"config": asdict(config), "epoch": epoch + 1, "state": state})
+    return network
 
 
 def _loss(network: KeypointNetwork, samples: Samples) -> torch.Tensor:
@@ -95,32 +97,27 @@ def _save(path: Path, state: dict[str, object]) -> None:
     write_atomically(path, buffer.getvalue())
 
 
-def _resume(path: Path, config: TrainingConfig, cycle: tuple[int, int], parts: tuple[Any, Any, Any]) -> int:
+def _resume(path: Path, config: TrainingConfig, parts: tuple[Any, Any, Any]) -> int:
     """Load a checkpoint of the same configuration into network, optimizer and schedule; the epoch to go on with."""
-    number, epochs = cycle
     found: dict[str, Any] = torch.load(path, weights_only=True) if path.exists() else {"config": None}
-    if found["config"] != asdict(config) or found["cycle"] < number:
+    if found["config"] != asdict(config):
         return 0
-    if found["cycle"] > number:
-        return epochs
     for part, state in zip(parts, found["state"], strict=True):
         part.load_state_dict(state)
     epoch: int = found["epoch"]
     return epoch
 
 
-def _as_saved(config: TrainingConfig) -> dict[str, Any]:
-    return asdict(config)
-
-
 def evaluate(network: KeypointNetwork, samples: Samples, batch: int = 64) -> Score:
     """Figures on samples as they were drawn."""
     network.eval()
-    found = []
-    with torch.no_grad():
-        for start in range(0, len(samples), batch):
-            crops = torch.from_numpy(to_input(samples.cuts[start : start + batch]))
-            found.append([answer.numpy() for answer in network(crops)])
+
+    def answers(crops: Singles) -> Answers:
+        with torch.no_grad():
+            return tuple(answer.numpy() for answer in network(torch.from_numpy(crops)))
+
+    starts = range(0, len(samples), batch)
+    found = [answers_of(answers, to_input(samples.cuts[start : start + batch])) for start in starts]
     heat, visible, log_sigma, angle = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return score(heat, visible, log_sigma, angle, samples)
 
@@ -131,19 +128,23 @@ def export(network: KeypointNetwork, path: Path) -> None:
     buffer = io.BytesIO()
     axes = {name: {0: "n"} for name in ("crops", *OUTPUTS)}
     example = torch.zeros(2, 4, 96, 128)
-    torch.onnx.export(
-        network,
-        (example,),
-        buffer,
-        input_names=["crops"],
-        output_names=list(OUTPUTS),
-        dynamic_axes=axes,
-        opset_version=OPSET,
-        dynamo=False,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # the newer exporter needs two more packages
+        torch.onnx.export(
+            network,
+            (example,),
+            buffer,
+            input_names=["crops"],
+            output_names=list(OUTPUTS),
+            dynamic_axes=axes,
+            opset_version=OPSET,
+            dynamo=False,
+        )
     write_atomically(path, buffer.getvalue())
 
 
-def held_out(paths: list[Path], config: TrainingConfig) -> tuple[Samples, Samples]:
-    """Samples to learn from, and those of other cars and scenes to score on."""
-    return load_samples(paths[config.held_out_chunks :]), load_samples(paths[: config.held_out_chunks])
+def held_out(paths: list[Path], config: TrainingConfig) -> tuple[Album, Samples]:
+    """Pictures to learn from, and samples of other cars and scenes to score on."""
+    kept = load_album(paths[: config.held_out_chunks])
+    samples = samples_of(np.random.default_rng([config.seed, HELD_OUT]), kept, range(len(kept)))
+    return load_album(paths[config.held_out_chunks :]), samples

@@ -1,13 +1,14 @@
 """Detections of other tools come out as the masks that went in."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
 from meshslam.errors import DetectionError
-from meshslam.perception import encode_mask
+from meshslam.perception import encode_mask, read_detections, write_detections
 from meshslam.perception.conversion import (
     Frames,
     from_coco_results,
@@ -16,7 +17,7 @@ from meshslam.perception.conversion import (
     from_yolo_txt,
     with_openpifpaf,
 )
-from meshslam.perception.conversion.openpifpaf import APOLLO_24, OURS_FROM_APOLLO
+from meshslam.perception.keypoint_names import APOLLO_24, APOLLO_FROM_OURS
 
 FRAMES = Frames((0, 1, 2), 64, 48)
 
@@ -107,8 +108,8 @@ def test_openpifpaf_points_go_to_the_car_whose_box_they_fill(tmp_path):
     found = with_openpifpaf(tmp_path / "points", plain)
     left, right = found.detections
     assert left.keypoints is None
-    assert found.keypoint_names("car") == tuple(OURS_FROM_APOLLO)
-    for i, name in enumerate(OURS_FROM_APOLLO.values()):
+    assert found.keypoint_names("car") == tuple(APOLLO_FROM_OURS)
+    for i, name in enumerate(APOLLO_FROM_OURS.values()):
         x, y, confidence = points[APOLLO_24.index(name)]
         assert right.keypoint_scores[i] == pytest.approx(confidence)
         if confidence > 0:
@@ -118,4 +119,88 @@ def test_openpifpaf_points_go_to_the_car_whose_box_they_fill(tmp_path):
 def test_names_of_the_category_are_those_that_apollo_is_mapped_to():
     from meshslam.categories import load_category
 
-    assert tuple(OURS_FROM_APOLLO) == load_category("car").keypoint_names
+    assert tuple(APOLLO_FROM_OURS) == load_category("car").keypoint_names
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("1 1003 1 48 64", "found 5 words"),
+        ("1 1003 1 64 48 {counts}", "size"),
+        ("1 1003 1 48 64 zz", "counts"),
+        ("1 3003 3 48 64 {counts}", "class 3"),
+        ("7 1003 1 48 64 {counts}", "frame 7"),
+        ("1 one 1 48 64 {counts}", "one"),
+    ],
+)
+def test_mots_lines_that_are_wrong_are_named_with_their_place(tmp_path, line, said):
+    path = tmp_path / "mots.txt"
+    path.write_text(line.format(counts=encode_mask(square(4, 4))["counts"]))
+    with pytest.raises(DetectionError, match=rf"mots.txt:1: .*{said}"):
+        from_mots_txt(path, FRAMES)
+
+
+@pytest.mark.parametrize(
+    ("name", "picture", "said"),
+    [
+        ("000001.png", np.full((48, 64), 3001, np.uint16), "class 3"),
+        ("000001.png", np.zeros((64, 48), np.uint16), "shape"),
+        ("000007.png", np.zeros((48, 64), np.uint16), "frame 7"),
+        ("masks.png", np.zeros((48, 64), np.uint16), "frame number"),
+        ("000001.txt", np.zeros((48, 64), np.uint16), "holds no file that ends in .png"),
+    ],
+)
+def test_mots_pictures_that_are_wrong_are_named(tmp_path, name, picture, said):
+    (tmp_path / name).write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+    with pytest.raises(DetectionError, match=said):
+        from_mots_png(tmp_path, FRAMES)
+
+
+@pytest.mark.parametrize("text", ["{", "3", '{"predictions": 1}', '[{"keypoints": [1, 2, 3]}]', '[{"bbox": []}]'])
+def test_openpifpaf_files_that_are_wrong_are_named(tmp_path, text):
+    (tmp_path / "points").mkdir()
+    (tmp_path / "points" / "000001.predictions.json").write_text(text)
+    with pytest.raises(DetectionError, match=r"000001.predictions.json: "):
+        with_openpifpaf(tmp_path / "points", from_coco_results(_results(tmp_path), FRAMES))
+
+
+def test_what_another_network_said_of_the_points_goes_with_them(tmp_path):
+    """A car that OpenPifPaf does not find keeps no sigma and no viewing angle of points that are gone."""
+    plain = from_coco_results(_results(tmp_path), FRAMES)
+    (car,) = plain.detections
+    pointed = replace(
+        car,
+        keypoints=np.ones((12, 2)),
+        keypoint_scores=np.ones(12),
+        keypoint_sigmas_px=np.ones(12),
+        viewing_angle_shares=np.ones(36),
+    )
+    (tmp_path / "points").mkdir()
+    (tmp_path / "points" / "000001.predictions.json").write_text("[]")
+    (found,) = with_openpifpaf(tmp_path / "points", replace(plain, detections=(pointed,))).detections
+    parts = (found.keypoints, found.keypoint_scores, found.keypoint_sigmas_px, found.viewing_angle_shares)
+    assert all(part is None for part in parts)
+
+
+def _results(folder):
+    row = {"image_id": 1, "category_id": 3, "segmentation": encode_mask(square(4, 10, 20)), "score": 0.9}
+    path = folder / "results.json"
+    path.write_text(json.dumps([row]))
+    return path
+
+
+def test_every_converters_set_is_a_file_that_is_read_back(tmp_path):
+    corners = "0.2 0.2 0.5 0.2 0.5 0.6"
+    (tmp_path / "000001.txt").write_text(f"2 {corners} 0.8")
+    (tmp_path / "mots").mkdir()
+    (tmp_path / "mots" / "m.txt").write_text(f"1 1003 1 48 64 {encode_mask(square(4, 4))['counts']}")
+    for found in (
+        from_coco_results(_results(tmp_path), FRAMES),
+        from_yolo_txt(tmp_path, FRAMES),
+        from_mots_txt(tmp_path / "mots" / "m.txt", FRAMES),
+    ):
+        (tmp_path / "detections.json").write_bytes(write_detections(found))
+        (again,), (first,) = read_detections(tmp_path / "detections.json").detections, found.detections
+        assert (again.frame, again.category, again.track_id) == (first.frame, first.category, first.track_id)
+        assert (again.mask() == first.mask()).all()
+        assert again.mask().any()

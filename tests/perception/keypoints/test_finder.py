@@ -17,7 +17,7 @@ from meshslam.perception import (
     write_detections,
 )
 from meshslam.perception.keypoints.decode import peak_angle
-from meshslam.training.dataset import draw_chunk
+from meshslam.training.pictures import draw_samples
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def finder():
 
 @pytest.fixture(scope="module")
 def samples():
-    return draw_chunk(987_654_321, 48)
+    return draw_samples(987_654_321, 48)
 
 
 def found_in(finder, samples):

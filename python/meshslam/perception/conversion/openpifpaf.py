@@ -13,29 +13,9 @@ from meshslam.geometry.arrays import Floats
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.conversion.frames import files_in, frame_of, loaded
 from meshslam.perception.detections import Detection, DetectionSet
+from meshslam.perception.keypoint_names import APOLLO_24, APOLLO_FROM_OURS
 
-APOLLO_24 = (
-    *("front_up_right", "front_up_left", "front_light_right", "front_light_left", "front_low_right"),
-    *("front_low_left", "central_up_left", "front_wheel_left", "rear_wheel_left", "rear_corner_left"),
-    *("rear_up_left", "rear_up_right", "rear_light_left", "rear_light_right", "rear_low_left", "rear_low_right"),
-    *("central_up_right", "rear_corner_right", "rear_wheel_right", "front_wheel_right", "rear_plate_left"),
-    *("rear_plate_right", "mirror_edge_left", "mirror_edge_right"),
-)
-OURS_FROM_APOLLO = {
-    "left_front_wheel": "front_wheel_left",
-    "left_back_wheel": "rear_wheel_left",
-    "right_front_wheel": "front_wheel_right",
-    "right_back_wheel": "rear_wheel_right",
-    "upper_left_windshield": "front_up_left",
-    "upper_right_windshield": "front_up_right",
-    "upper_left_rearwindow": "rear_up_left",
-    "upper_right_rearwindow": "rear_up_right",
-    "left_front_light": "front_light_left",
-    "right_front_light": "front_light_right",
-    "left_back_trunk": "rear_light_left",
-    "right_back_trunk": "rear_light_right",
-}
-_ORDER = [APOLLO_24.index(name) for name in OURS_FROM_APOLLO.values()]
+_ORDER = [APOLLO_24.index(name) for name in APOLLO_FROM_OURS.values()]
 LEAST_OVERLAP = 0.3  # IoU of the boxes
 
 
@@ -54,11 +34,9 @@ def with_openpifpaf(folder: Path, detections: DetectionSet) -> DetectionSet:
         for row, column in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
             if overlap[row, column] >= LEAST_OVERLAP:
                 filled[cars[row].id] = _with(cars[row], points[column][_ORDER])
-    names = tuple(OURS_FROM_APOLLO)
+    names = tuple(APOLLO_FROM_OURS)
     categories = tuple(replace(c, keypoints=names) if c.name in VEHICLES else c for c in detections.categories)
-    plain = (
-        replace(d, keypoints=None, keypoint_scores=None) if d.category in VEHICLES else d for d in detections.detections
-    )
+    plain = (_without_points(d) if d.category in VEHICLES else d for d in detections.detections)
     return replace(detections, categories=categories, detections=tuple(filled.get(d.id, d) for d in plain))
 
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry.arrays import Floats, Singles
 
 KEYPOINTS = 12
 ANGLES = 36  # bins of the viewing angle; the first one's centre is 0
 CELL_PX = 4  # of the input, a cell of a heat map
 REACH = 2  # cells about the peak that say where the point is
-
-Singles = NDArray[np.float32]
 
 
 def points_in_input(heat: Singles) -> tuple[Floats, Floats]:

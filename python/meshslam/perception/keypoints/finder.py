@@ -13,7 +13,7 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry.arrays import Bytes, Floats, Singles
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
@@ -24,6 +24,7 @@ from meshslam.perception.keypoints.decode import (
     laplace_sigma,
     points_in_input,
 )
+from meshslam.perception.keypoints.mirror import Answers, answers_of
 
 SHIPPED = "car_keypoints.onnx"
 OUTPUTS = ("heat", "visible", "log_sigma", "angle")
@@ -70,7 +71,7 @@ class KeypointFinder:
         for start in range(0, len(masks), self.config.batch):
             part = slice(start, start + self.config.batch)
             cuts = np.stack([cut_out(image_bgr, m, c) for m, c in zip(masks[part], crops[part], strict=True)])
-            heat, visible, log_sigma, angle = self._session.run(list(OUTPUTS), {"crops": to_input(cuts)})
+            heat, visible, log_sigma, angle = answers_of(self.answers, to_input(cuts))
             points, share = points_in_input(heat)
             scores = share / (1 + np.exp(-visible.astype(float)))
             sigmas, shares = laplace_sigma(log_sigma), angle_distribution(angle)
@@ -84,6 +85,10 @@ class KeypointFinder:
                 for i, crop in enumerate(crops[part])
             ]
         return found
+
+    def answers(self, crops: Singles) -> Answers:
+        """What the network says of inputs (N, 4, HEIGHT_PX, WIDTH_PX)."""
+        return tuple(self._session.run(list(OUTPUTS), {"crops": crops}))
 
 
 def add_keypoints(

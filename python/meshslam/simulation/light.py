@@ -1,4 +1,4 @@
-"""Light and surroundings of a training scene: sun, sky, what stands on the horizon and mirrors in paint and glass."""
+"""Light and surroundings of a scene: sun, sky, what stands on the horizon and mirrors in paint and glass."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry.arrays import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +59,36 @@ def surroundings(light: Light, rays: Floats) -> Floats:
     return below
 
 
-def lit(light: Light, normals: Floats) -> Floats:
-    """Light (n, 3) that falls on surfaces with normals (n, 3)."""
+def lit(light: Light, normals: Floats, sunny: Bools | None = None) -> Floats:
+    """Light (n, 3) that falls on surfaces with normals (n, 3); `sunny` (n,) tells where nothing hides the sun."""
     sun = np.maximum(normals @ light.sun, 0.0) * light.sun_strength
+    if sunny is not None:
+        sun = sun * sunny
     sky = light.ambient * (0.62 + 0.38 * normals[:, 2])
     total: Floats = (sun + sky)[:, None] * light.tint
     return total
 
 
-def shaded(light: Light, colour: Floats, mirror: Floats, rays: Floats, normals: Floats, height_m: Floats) -> Floats:
+def shaded(
+    light: Light,
+    colour: Floats,
+    mirror: Floats,
+    rays: Floats,
+    normals: Floats,
+    height_m: Floats,
+    sunny: Bools | None = None,
+) -> Floats:
     """Colours (n, 3) of surfaces seen along unit rays (n, 3): diffuse light and a mirror image (Schlick 1994)."""
     along = np.clip(-(rays * normals).sum(1), 0, 1)[:, None]
     mirrored = rays + 2 * along * normals
     share = mirror[:, None] + (1 - mirror[:, None]) * np.minimum(1.0, 5 * mirror[:, None]) * (1 - along) ** 4
     occluded = np.clip(0.35 + height_m, 0.35, 1.0)[:, None]
-    diffuse = colour * lit(light, normals) * occluded
-    around = surroundings(light, mirrored) * np.clip(0.3 + 2 * light.ambient, 0, 1)
+    diffuse = colour * lit(light, normals, sunny) * occluded
+    around = np.zeros_like(diffuse)
+    shiny = mirror > 0
+    around[shiny] = surroundings(light, mirrored[shiny]) * np.clip(0.3 + 2 * light.ambient, 0, 1)
     glint = np.maximum(mirrored @ light.sun, 0.0) ** 60 * light.sun_strength * np.minimum(1.0, 8 * mirror)
+    if sunny is not None:
+        glint = glint * sunny
     total: Floats = diffuse * (1 - share) + around * share + glint[:, None]
     return total

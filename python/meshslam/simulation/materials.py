@@ -8,7 +8,7 @@ import numpy as np
 
 from meshslam.categories.procedural.car import CarShape
 from meshslam.geometry.arrays import Bools, Floats
-from meshslam.training.look import Look
+from meshslam.simulation.look import Look
 
 
 @dataclass(frozen=True, eq=False)

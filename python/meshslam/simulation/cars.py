@@ -1,7 +1,8 @@
-"""Cars to draw for training: finely meshed procedural cars, each with its own measures."""
+"""Cars to draw: finely meshed procedural cars, each with its own measures."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ SUBDIVISIONS = 2  # beyond the category's mesh: edges of about 5 cm
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingCar:
+class ProceduralCar:
     """A car's surface; x forward from the middle of the wheelbase, y left, z up from the ground, metres."""
 
     shape: CarShape
@@ -35,17 +36,21 @@ class TrainingCar:
         return centre
 
 
-def make_cars(seed: int, count: int) -> list[TrainingCar]:
+def make_cars(seed: int, count: int) -> list[ProceduralCar]:
     """Draw `count` cars; the same seed gives the same cars."""
+    rng = np.random.default_rng(seed)
+    return meshed_cars([draw_car(rng) for _ in range(count)])
+
+
+def meshed_cars(shapes: Sequence[CarShape]) -> list[ProceduralCar]:
+    """Lay a fine mesh onto each of the solids."""
     wrapper, middle = Wrapper(icosphere(3)), middle_car()
     template, landmarks = car_template(wrapper, middle), middle.landmarks()
-    rng = np.random.default_rng(seed)
-    shapes = [draw_car(rng) for _ in range(count)]
     faces = wrapper.sphere.faces
     return [_meshed(car, wrapper.fit(car.field, carry(template, landmarks, car.landmarks())), faces) for car in shapes]
 
 
-def _meshed(car: CarShape, coarse: Floats, faces: Ints) -> TrainingCar:
+def _meshed(car: CarShape, coarse: Floats, faces: Ints) -> ProceduralCar:
     """Refine the category's mesh and lay it on the solid once more."""
     vertices = coarse
     for _ in range(SUBDIVISIONS):
@@ -54,4 +59,4 @@ def _meshed(car: CarShape, coarse: Floats, faces: Ints) -> TrainingCar:
     _, normal = distance_and_normal(car.field, vertices, 0.01)
     mean = normal[faces].mean(1)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)
-    return TrainingCar(car, vertices, faces, mean, car.keypoints(), len(coarse))
+    return ProceduralCar(car, vertices, faces, mean, car.keypoints(), len(coarse))

@@ -1,0 +1,108 @@
+"""`meshslam simulate`."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+
+import typer
+
+from meshslam.cli.options import ImuFile
+
+if TYPE_CHECKING:
+    from meshslam.simulation import Street
+    from meshslam.simulation.config import SimulationConfig
+
+Modes = Literal["coloured", "textureless", "contrast"]
+
+
+def simulate(
+    out: Annotated[Path, typer.Argument(help="Sequence folder to write.")],
+    seed: Annotated[int | None, typer.Option(min=0, help="The same seed and settings give the same bytes.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Frames to draw; 28 if not given.")] = None,
+    cars: Annotated[int | None, typer.Option(min=1, help="Parked cars on each side.")] = None,
+    mode: Annotated[
+        Modes | None, typer.Option(help="contrast: bodies and key points in colours that tell them apart.")
+    ] = None,
+    poses: Annotated[Path | None, typer.Option(help="Camera path to drive: TUM, or KITTI's NN.txt.")] = None,
+    times: Annotated[Path | None, typer.Option(help="Times of KITTI's poses, if not beside them.")] = None,
+    start: Annotated[int | None, typer.Option(min=0, help="First pose of the file to use.")] = None,
+    imu: ImuFile = None,
+    imu_from_camera: Annotated[Path | None, typer.Option(help="How the recorded IMU is mounted (4x4).")] = None,
+    noise: Annotated[
+        bool | None, typer.Option("--noise/--exact", help="Masks and key points with a network's errors.")
+    ] = None,
+    keypoints: Annotated[
+        bool | None, typer.Option("--keypoints/--no-keypoints", help="Write key points, or leave them to the network.")
+    ] = None,
+    known_poses: Annotated[
+        bool | None, typer.Option("--known-poses/--hidden-poses", help="Write poses.tum, or the truth alone.")
+    ] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file: a sequence's simulation.yaml.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a sequence that is there.")] = False,
+) -> None:
+    """Draw a street of cars as a sequence with images, IMU, exact masks and key points, and truth.
+
+    Example: meshslam simulate street --seed 3 --frames 60 && meshslam map street --out run
+    """
+    from meshslam.cli.config import overlaid, read_yaml
+    from meshslam.simulation.config import SimulationConfig
+
+    settings = SimulationConfig() if config is None else overlaid(SimulationConfig(), read_yaml(config), str(config))
+    street = {"frames": frames, "cars_each_side": cars, "mode": mode}
+    settings = replace(settings, street=_given(settings.street, street))
+    given: dict[str, Any] = {"seed": seed, "noise": noise, "keypoints": keypoints, "known_poses": known_poses}
+    given |= {"poses": poses, "times": times, "imu": imu, "imu_from_camera": imu_from_camera, "start": start}
+    run_simulate(_given(settings, given), out, overwrite=overwrite)
+
+
+def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> None:
+    """Draw, and put the folder in place once it is whole."""
+    from meshslam.cli.config import to_yaml
+    from meshslam.cli.progress import progress_bars
+    from meshslam.simulation.config import simulate_street
+
+    refuse_foreign(out, overwrite=overwrite)
+    part = out.with_name(f".{out.name}.meshslam-part")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        with progress_bars() as bars:
+            street = simulate_street(settings, part, bars)
+        (part / "simulation.yaml").write_text(to_yaml(settings), encoding="utf-8")
+        shutil.rmtree(out, ignore_errors=True)
+        part.rename(out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    print(_summary(street, out))
+
+
+def refuse_foreign(out: Path, *, overwrite: bool) -> None:
+    """SequenceError for a place that holds something which must stay."""
+    from meshslam.errors import SequenceError
+
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    if not (out / "simulation.yaml").is_file():
+        raise SequenceError(f"{out}: holds something that is no simulated sequence: choose another folder")
+    if not overwrite:
+        raise SequenceError(f"{out}: a sequence is there already: give --overwrite, or another folder")
+
+
+Settings = TypeVar("Settings")
+
+
+def _given(settings: Settings, values: dict[str, Any]) -> Settings:
+    """The settings with those values that are not None; paths become text that holds in any folder."""
+    from meshslam.cli.config import overlaid
+
+    chosen = {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
+    return overlaid(settings, chosen, "flags")
+
+
+def _summary(street: Street, out: Path) -> str:
+    parked = sum(not car.moves for car in street.cars)
+    seconds = float(street.times_s[-1] - street.times_s[0])
+    moving = len(street.cars) - parked
+    return f"{out}: {len(street.times_s)} frames over {seconds:.1f} s, {parked} parked cars, {moving} moving"

@@ -1,0 +1,47 @@
+"""How a camera turns from frame to frame, and where that takes what is far away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from meshslam.geometry.arrays import Floats
+from meshslam.sequences.sequence import Sequence
+
+
+def turns(sequence: Sequence) -> Callable[[int, int], Floats] | None:
+    """Takes two frames' numbers to the homography (3, 3) of far points' pixels from one to the other.
+
+    From the known poses, else from the gyroscope, whose bias is too small to matter from frame to frame; None where
+    neither is known.
+    """
+    rotations = _camera_rotations(sequence)
+    if rotations is None:
+        return None
+    return partial(_homography, sequence.camera.matrix, dict(zip(sequence.frame_ids, rotations, strict=True)))
+
+
+def _homography(matrix: Floats, world_from_camera: dict[int, Floats], first: int, other: int) -> Floats:
+    """K R K^-1 (Hartley and Zisserman 2004, Sec. 13.4)."""
+    other_from_first = world_from_camera[other].T @ world_from_camera[first]
+    found: Floats = matrix @ other_from_first @ np.linalg.inv(matrix)
+    return found
+
+
+def _camera_rotations(sequence: Sequence) -> list[Floats] | None:
+    """World from camera (3, 3) of each frame; the world's axes are any that stay."""
+    if sequence.world_from_camera is not None:
+        return [pose.rotation for pose in sequence.world_from_camera]
+    imu, mounted = sequence.imu, sequence.imu_from_camera
+    if imu is None or mounted is None or len(imu.times_s) < 2:
+        return None
+    steps = np.diff(imu.times_s)[:, None] * (imu.angular_rate_rad_s[1:] + imu.angular_rate_rad_s[:-1]) / 2
+    world_from_imu = [Rotation.identity()]
+    for step in Rotation.from_rotvec(steps):
+        world_from_imu.append(world_from_imu[-1] * step)
+    at_frames = Slerp(imu.times_s, Rotation.concatenate(world_from_imu))
+    found = at_frames(np.clip(sequence.times_s, imu.times_s[0], imu.times_s[-1])).as_matrix() @ mounted.rotation
+    return list(found)

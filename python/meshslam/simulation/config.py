@@ -1,0 +1,64 @@
+"""One configuration of a simulated sequence, and how it becomes a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from meshslam.errors import SequenceError
+from meshslam.simulation.bodies import BodySource, procedural_bodies
+from meshslam.simulation.motion import ImuNoise
+from meshslam.simulation.recorded import PathFiles, recorded_street
+from meshslam.simulation.recording import EXACT, ObserverConfig, write_recording
+from meshslam.simulation.street import Street, StreetConfig, make_street, street_camera
+
+_STREET = StreetConfig(bend_deg=10.0, moving_cars=2)
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """Everything that decides a simulated sequence's bytes; paths are those of files to read."""
+
+    seed: int = 0
+    street: StreetConfig = _STREET
+    imu_noise: ImuNoise = field(default_factory=ImuNoise)
+    observer: ObserverConfig = field(default_factory=ObserverConfig)
+    noise: bool = False  # detections as a network would see them, by `observer`; else exact
+    keypoints: bool = True
+    known_poses: bool = True
+    poses: str | None = None
+    times: str | None = None
+    imu: str | None = None
+    imu_from_camera: str | None = None
+    start: int = 0
+
+
+DEMO = SimulationConfig(
+    street=replace(_STREET, frames=24, cars_each_side=4, moving_cars=1, width_px=640, height_px=200, focal_px=380.0)
+)
+
+
+def simulate_street(
+    config: SimulationConfig, folder: Path, progress: Callable[[str, int, int], None] | None = None
+) -> Street:
+    """Make the street and write its recording; the same configuration gives the same bytes."""
+    street = make_world(config)
+    seen = config.observer if config.noise else EXACT
+    seen = ObserverConfig(**(vars(seen) | {"keypoints": config.keypoints}))
+    write_recording(street, folder, seen, progress, config.imu_noise, known_poses=config.known_poses)
+    return street
+
+
+def make_world(config: SimulationConfig) -> Street:
+    """The street alone; SequenceError where the files it is to follow do not go together."""
+    count = 2 * config.street.cars_each_side + config.street.moving_cars
+    bodies: BodySource = procedural_bodies(config.seed, count)
+    if config.poses is None:
+        if config.imu is not None:
+            raise SequenceError(f"{config.imu}: a recorded IMU needs the path it was recorded on: give --poses")
+        return make_street(bodies, config.seed, config.street)
+    names = (config.times, config.imu, config.imu_from_camera)
+    times, imu, mounted = (None if name is None else Path(name) for name in names)
+    files = PathFiles(Path(config.poses), times, imu, mounted, config.start)
+    return recorded_street(bodies, config.seed, config.street, files, street_camera(config.street))

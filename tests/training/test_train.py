@@ -1,0 +1,66 @@
+"""The whole training in small: drawn, learnt, cut short and taken up again, exported, and found by the runtime."""
+
+import numpy as np
+import pytest
+
+from meshslam.perception import KeypointConfig, KeypointFinder
+from meshslam.perception.keypoints.crop import to_input
+from tests.cli.conftest import meshslam
+
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
+
+from meshslam.training.pictures import Album, draw_chunk, samples_of  # noqa: E402
+from meshslam.training.train import TrainingConfig, evaluate, export, learn  # noqa: E402
+
+SMALL = TrainingConfig(epochs=4, batch=8)
+
+
+@pytest.fixture(scope="module")
+def album():
+    return Album(draw_chunk(5, 24, 2))
+
+
+@pytest.fixture(scope="module")
+def network(album, tmp_path_factory):
+    return learn(album, SMALL, tmp_path_factory.mktemp("whole") / "checkpoint.pt")
+
+
+def weights(network):
+    return torch.cat([p.detach().flatten() for p in network.parameters()]).numpy()
+
+
+def test_a_training_that_was_cut_short_ends_with_the_same_weights(album, network, tmp_path):
+    def report(task, done, total):
+        if task.startswith("epoch 3") and done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        learn(album, SMALL, tmp_path / "checkpoint.pt", report)
+    again = learn(album, SMALL, tmp_path / "checkpoint.pt")
+    assert np.array_equal(weights(again), weights(network))
+
+
+def test_the_exported_network_answers_as_the_trained_one(album, network, tmp_path):
+    export(network, tmp_path / "network.onnx")
+    finder = KeypointFinder(KeypointConfig(model=str(tmp_path / "network.onnx"), threads=1))
+    samples = samples_of(np.random.default_rng(2), album, range(9))
+    crops = to_input(samples.cuts)
+    ours = [answer.detach().numpy() for answer in network.eval()(torch.from_numpy(crops))]
+    for mine, theirs in zip(ours, finder._session.run(None, {"crops": crops}), strict=True):
+        assert np.allclose(mine, theirs, atol=1e-3)
+
+
+def test_what_is_learnt_by_heart_is_known(album, tmp_path):
+    """Enough passes over a few pictures: the loss and the labels belong together."""
+    network = learn(album, TrainingConfig(epochs=80, batch=8, warm_up=0.2), tmp_path / "checkpoint.pt")
+    known = evaluate(network, samples_of(np.random.default_rng(7), album, range(len(album))))
+    assert known.pck > 0.6
+    assert known.angle_median_deg < 20
+
+
+def test_the_command_draws_learns_exports_and_says_how_good_it_is(tmp_path):
+    arguments = ["train-keypoints", "--out", str(tmp_path), "--chunks", "2", "--chunk-size", "32", "--held-out", "1"]
+    done = meshslam(*arguments, "--epochs", "2")
+    assert done.returncode == 0, done.stderr
+    assert "pck: " in done.stdout
+    KeypointFinder(KeypointConfig(model=str(tmp_path / "car_keypoints.onnx"), threads=1))
