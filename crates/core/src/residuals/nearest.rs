@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 const CELL_PX: f32 = 8.0;
 
 /// A guess farther off than this is not worth a search of all cells that it reaches, pixels.
-const MOST_REACH_PX: f32 = 16.0;
+const MOST_REACH_PX: f32 = 32.0;
 
 /// How many points are compared at once.
 const LANES: usize = 16;
