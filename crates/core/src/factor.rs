@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::lie::Pose;
-use crate::object::{Model, view_rows};
+use crate::object::{Model, Sight};
 use crate::residuals::{Rows, object_derivative};
 use crate::template::Template;
 use crate::view::View;
@@ -57,7 +57,8 @@ pub fn square_root(
     let vertices = template.vertices(z, d);
     let mut rows = Rows::default();
     let each_alone = vec![1; template.keypoints.len()];
-    view_rows(template, model, view, camera_from_object, &vertices, &each_alone, &mut rows);
+    let sight = Sight { template, model, view, camera_from_object: *camera_from_object, vertices: &vertices };
+    sight.push_rows(&each_alone, &mut rows);
     let columns = 6 + if modes { template.mode_count } else { 0 };
     let width = columns + 1;
     let mut stacked = DMatrix::zeros(rows.len().max(width), width);

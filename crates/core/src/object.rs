@@ -19,8 +19,8 @@ use crate::template::Template;
 use crate::view::View;
 use layout::{Layout, free_form_prior, multiply};
 pub use uncertainty::{Uncertainty, uncertainty};
-pub(crate) use views::view_rows;
-use views::{MatchedView, view_keypoint_rows};
+use views::MatchedView;
+pub(crate) use views::Sight;
 pub use views::{border_distances, mask_iou};
 
 /// An object: where it is and what it looks like.
@@ -49,10 +49,6 @@ impl ObjectState {
 fn whitened_velocity(state: &ObjectState) -> Vector3<f64> {
     let in_object = state.world_from_object.rotation.transpose() * state.velocity;
     in_object.component_div(&Vector3::from(VELOCITY_SIGMA_M_S))
-}
-
-fn camera_from_object(view: &View, state: &ObjectState) -> Pose {
-    view.world_from_camera.inverse().compose(&state.pose_at(view.time_s))
 }
 
 /// Which blocks move.
@@ -133,14 +129,23 @@ impl<'a> ObjectProblem<'a> {
         self
     }
 
+    /// The object at a state, whose vertices are given, before one of the views.
+    fn sight<'b>(&'b self, view: &'b View, state: &ObjectState, vertices: &'b [Vector3<f64>]) -> Sight<'b> {
+        let camera_from_object = view.world_from_camera.inverse().compose(&state.pose_at(view.time_s));
+        Sight { template: self.template, model: &self.model, view, camera_from_object, vertices }
+    }
+
+    /// Views that show a border.
+    fn bordered(&self) -> impl Iterator<Item = &'a View> {
+        self.views.iter().copied().filter(|view| !view.border.is_empty())
+    }
+
     /// Rows of all key points and of the ground.
     fn point_rows(&self, state: &ObjectState, vertices: &[Vector3<f64>], rows: &mut Rows) {
         rows.clear();
         for view in self.views {
             rows.set_time(view.time_s);
-            let camera_from_object = camera_from_object(view, state);
-            let shared = &self.keypoint_views;
-            view_keypoint_rows(self.template, &self.model, view, &camera_from_object, vertices, shared, rows);
+            self.sight(view, state, vertices).push_keypoint_rows(&self.keypoint_views, rows);
         }
         rows.set_time(0.0);
         if let Some(ground) = &self.ground {
@@ -168,12 +173,12 @@ impl<'a> ObjectProblem<'a> {
         };
         borders.clear(vertices.len());
         let mut cost = 0.0;
-        for view in self.views.iter().filter(|view| !view.border.is_empty()) {
-            let camera_from_object = camera_from_object(view, state);
-            matched.find(self.template, &self.model, view, &camera_from_object, vertices);
+        for view in self.bordered() {
+            let sight = self.sight(view, state, vertices);
+            matched.find(&sight);
             let MatchedView { points, samples, border, .. } = &*matched;
-            let noise = &self.model.border;
-            cost += borders.add_border(&view.camera, &camera_from_object.rotation, points, samples, border, noise);
+            let (rotation, noise) = (&sight.camera_from_object.rotation, &self.model.border);
+            cost += borders.add_border(&view.camera, rotation, points, samples, border, noise);
             if self.scope.velocity {
                 gather(borders, view.time_s); // vertices move with a velocity by its time
             }
@@ -308,8 +313,8 @@ impl Problem for ObjectProblem<'_> {
         let vertices = self.template.vertices(&state.z, &state.d);
         self.point_rows(state, &vertices, &mut work.rows);
         let mut cost = work.rows.cost() + self.prior_cost(state);
-        for view in self.views.iter().filter(|view| !view.border.is_empty()) {
-            work.matched.find(self.template, &self.model, view, &camera_from_object(view, state), &vertices);
+        for view in self.bordered() {
+            work.matched.find(&self.sight(view, state, &vertices));
             cost += work.matched.border.cost(self.model.border.kernel);
         }
         self.work = work;
@@ -323,8 +328,8 @@ impl Problem for ObjectProblem<'_> {
         for (row, terms) in work.rows.iter() {
             self.add_row(row, terms, state, &vertices, hessian, gradient);
         }
-        let cost = work.rows.cost() + self.prior_cost(state);
-        let cost = cost + self.add_borders(state, &vertices, &mut work, hessian, gradient);
+        let of_points = work.rows.cost() + self.prior_cost(state);
+        let cost = of_points + self.add_borders(state, &vertices, &mut work, hessian, gradient);
         self.work = work;
         if self.scope.modes {
             let base = self.layout.free_form + 6;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::{Model, ObjectProblem, ObjectState, Scope, camera_from_object, view_rows};
+use super::{Model, ObjectProblem, ObjectState, Scope};
 use crate::error::{Result, check_length};
 use crate::residuals::Rows;
 use crate::residuals::ground::Ground;
@@ -122,9 +122,7 @@ fn observed_vertices(problem: &ObjectProblem, state: &ObjectState) -> Vec<bool> 
     let vertices = problem.template.vertices(&state.z, &state.d);
     let mut rows = Rows::default();
     for view in problem.views {
-        let camera_from_object = camera_from_object(view, state);
-        let shared = &problem.keypoint_views;
-        view_rows(problem.template, &problem.model, view, &camera_from_object, &vertices, shared, &mut rows);
+        problem.sight(view, state, &vertices).push_rows(&problem.keypoint_views, &mut rows);
     }
     let mut information = vec![0.0; symmetry.representative.len()];
     for (row, terms) in rows.iter() {

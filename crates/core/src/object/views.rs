@@ -13,6 +13,17 @@ use crate::silhouette::Silhouette;
 use crate::template::Template;
 use crate::view::View;
 
+/// An object before a view.
+#[derive(Clone, Copy)]
+pub(crate) struct Sight<'a> {
+    pub template: &'a Template,
+    pub model: &'a Model,
+    pub view: &'a View,
+    pub camera_from_object: Pose,
+    /// In the object's frame.
+    pub vertices: &'a [Vector3<f64>],
+}
+
 /// A view's border matched with the outline of an object; the buffers are reused.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct MatchedView {
@@ -24,14 +35,8 @@ pub(crate) struct MatchedView {
 
 impl MatchedView {
     /// Draw the object, sample its outline, match it with the observed border.
-    pub(super) fn find(
-        &mut self,
-        template: &Template,
-        model: &Model,
-        view: &View,
-        camera_from_object: &Pose,
-        vertices: &[Vector3<f64>],
-    ) {
+    pub(super) fn find(&mut self, sight: &Sight) {
+        let Sight { template, model, view, camera_from_object, vertices } = sight;
         self.sample_outline(view, camera_from_object, vertices, template, model.outline_step_px);
         self.border.find(view, &self.samples, &model.border);
     }
@@ -58,41 +63,29 @@ impl MatchedView {
     }
 }
 
-/// Rows of one view's border and key points; `keypoint_views` says in how many views each key point shares its offset.
-pub(crate) fn view_rows(
-    template: &Template,
-    model: &Model,
-    view: &View,
-    camera_from_object: &Pose,
-    vertices: &[Vector3<f64>],
-    keypoint_views: &[u32],
-    rows: &mut Rows,
-) {
-    if !view.border.is_empty() {
-        let mut matched = MatchedView::default();
-        matched.find(template, model, view, camera_from_object, vertices);
-        let MatchedView { points, samples, border, .. } = &matched;
-        border.push_rows(&view.camera, camera_from_object, points, samples, &model.border, rows);
+impl Sight<'_> {
+    /// Rows of border and key points; `keypoint_views` says in how many views each key point shares its offset.
+    pub(crate) fn push_rows(&self, keypoint_views: &[u32], rows: &mut Rows) {
+        if !self.view.border.is_empty() {
+            let mut matched = MatchedView::default();
+            matched.find(self);
+            let MatchedView { points, samples, border, .. } = &matched;
+            let noise = &self.model.border;
+            border.push_rows(&self.view.camera, &self.camera_from_object, points, samples, noise, rows);
+        }
+        self.push_keypoint_rows(keypoint_views, rows);
     }
-    view_keypoint_rows(template, model, view, camera_from_object, vertices, keypoint_views, rows);
-}
 
-/// The key points' part of [`view_rows`].
-pub(super) fn view_keypoint_rows(
-    template: &Template,
-    model: &Model,
-    view: &View,
-    camera_from_object: &Pose,
-    vertices: &[Vector3<f64>],
-    keypoint_views: &[u32],
-    rows: &mut Rows,
-) {
-    for observation in &view.keypoints {
-        let association = &template.keypoints[observation.index];
-        let views = keypoint_views[observation.index];
-        let position = PositionNoise { sigma_m: model.keypoint_position_sigma_m, views };
-        let kernel = model.keypoint_kernel;
-        keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
+    /// Rows of the key points alone.
+    pub(super) fn push_keypoint_rows(&self, keypoint_views: &[u32], rows: &mut Rows) {
+        let Self { template, model, view, camera_from_object, vertices } = self;
+        for observation in &view.keypoints {
+            let association = &template.keypoints[observation.index];
+            let views = keypoint_views[observation.index];
+            let position = PositionNoise { sigma_m: model.keypoint_position_sigma_m, views };
+            let kernel = model.keypoint_kernel;
+            keypoint_rows(&view.camera, camera_from_object, vertices, association, observation, position, kernel, rows);
+        }
     }
 }
 

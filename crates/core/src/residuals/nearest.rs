@@ -8,6 +8,9 @@ const CELL_PX: f32 = 8.0;
 /// A guess farther off than this is not worth a search of all cells that it reaches, pixels.
 const MOST_REACH_PX: f32 = 32.0;
 
+/// More than coordinates on an image lose in rounding, pixels: the guess itself is always within reach.
+const ROUNDING_PX: f32 = 0.1;
+
 /// How many points are compared at once.
 const LANES: usize = 16;
 
@@ -74,10 +77,11 @@ impl Cells {
             return None;
         }
         let (x, y) = (point.x as f32, point.y as f32);
-        let reach =
-            guess.and_then(|i| self.places.get(i)).map_or(f32::INFINITY, |p| distance(p[0] - x, p[1] - y).sqrt());
+        let guessed = guess.and_then(|i| self.places.get(i));
+        let away = guessed.map_or(f32::INFINITY, |p| distance(p[0] - x, p[1] - y).sqrt());
         let mut best = Best::new(x, y);
-        if reach < MOST_REACH_PX {
+        if away < MOST_REACH_PX {
+            let reach = away + ROUNDING_PX;
             let [left, right] = [x - reach, x + reach].map(|v| self.cell(v, 0));
             for row in self.cell(y - reach, 1)..=self.cell(y + reach, 1) {
                 self.scan(row, left, right, &mut best);

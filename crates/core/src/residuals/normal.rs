@@ -130,12 +130,8 @@ impl VertexNormal {
         let cost = self.sum_on_image(samples.len(), border, noise);
         let mut at = 0;
         while at < samples.len() {
-            let first = &samples[at];
+            let (first, end) = (&samples[at], at + run(&samples[at..]));
             let mut sum = OnEdge::default();
-            let end =
-                at + samples[at..].iter().take_while(|s| s.vertices == first.vertices && s.cut == first.cut).count();
-            // the pixels of an edge's ends; of an edge that the near plane cuts, each sample's own
-            let end = if first.cut { at + 1 } else { end };
             samples[at..end].iter().zip(&self.on_image[at..end]).for_each(|(s, pulls)| sum.add(s.share, pulls));
             let [a, b] = first.vertices.map(|v| points_in_camera[v as usize]);
             let ends = if first.cut { [a.lerp(&b, first.share); 2] } else { [a, b] };
@@ -308,6 +304,13 @@ impl VertexNormal {
             }
         }
     }
+}
+
+/// How many samples from the first on are moved by the same two pixels: those of its edge; of an edge that the near plane
+/// cuts, each sample by its own.
+fn run(samples: &[OutlineSample]) -> usize {
+    let first = &samples[0];
+    if first.cut { 1 } else { samples.iter().take_while(|s| s.vertices == first.vertices && !s.cut).count() }
 }
 
 impl OnEdge {

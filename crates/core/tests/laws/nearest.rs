@@ -30,3 +30,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_guess_just_before_the_border_of_its_cell_is_found() {
+    let mut cells = Cells::default();
+    let before = f64::from(8.0f32.next_down());
+    cells.sort([Vector2::new(0.0, 0.0), Vector2::new(before, 0.0), Vector2::new(90.0, 0.0)].into_iter());
+    for k in 0..1000 {
+        let asked = Vector2::new(20.0 + 0.01 * f64::from(k), 0.0); // coarser coordinates than the guess's
+        assert_eq!(cells.nearest(&asked, Some(1)), Some(1), "{asked}");
+    }
+}
