@@ -199,6 +199,8 @@ def test_the_demo_maps_finds_itself_again_and_runs_slam(tmp_path):
         "report.html",
     }
     page = (out / "report.html").read_text()
+    assert page.count("data:image/jpeg") == page.count("<svg class=plan") == 1
+    assert all(f">{thing.id}</text>" in page for thing in Map.load(out / "map").objects)
     for name in runs:
         assert f"{name}/report.html" in page
         assert (out / name / "report.html").stat().st_size > 100_000

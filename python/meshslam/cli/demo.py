@@ -11,7 +11,7 @@ import typer
 from meshslam.cli.options import AsJson, Overwrite
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 RUNS = ("map", "localize", "slam")
 
@@ -38,7 +38,7 @@ def demo(
     runs = {"map": run_map(drive, out / "map", overwrite=overwrite)}
     runs["localize"] = run_localize(again, out / "localize", overwrite=overwrite)
     runs["slam"] = run_slam(drive, out / "slam", overwrite=overwrite)
-    show(runs, out, as_json=json)
+    show(runs, out, figures(out, first), as_json=json)
 
 
 def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
@@ -57,7 +57,32 @@ def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
     return first, second
 
 
-def show(runs: Mapping[str, Mapping[str, float]], out: Path, *, as_json: bool) -> None:
+def figures(out: Path, first: Path) -> list[tuple[str, str]]:
+    """Captions and markup: a frame with the cars of the map, and both drives among them from above."""
+    from meshslam.maps import Map, Trajectory
+    from meshslam.perception import read_detections
+    from meshslam.sequences import open_sequence
+    from meshslam.viewing.birds_eye import birds_eye
+    from meshslam.viewing.markup import jpeg_uri
+    from meshslam.viewing.overlay import draw_overlay
+
+    scene, drive = Map.load(out / "map"), open_sequence(first)
+    paths = {name: Trajectory.load(out / name / "trajectory.tum").world_from_camera for name in ("map", "localize")}
+    middle = len(drive) // 2
+    seen = read_detections(out / "map" / "detections.json").by_frame().get(drive.frame_ids[middle], ())
+    frame = draw_overlay(drive.read_image(middle), drive.camera, paths["map"][middle], scene, seen)
+    return [
+        ("A frame of the first drive with the map's cars.", f'<img alt="frame" src="{jpeg_uri(frame)}">'),
+        (
+            "The second drive as it was found in the map, and the first.",
+            birds_eye(scene, paths["localize"], {"first drive": paths["map"]}),
+        ),
+    ]
+
+
+def show(
+    runs: Mapping[str, Mapping[str, float]], out: Path, pictures: Sequence[tuple[str, str]], *, as_json: bool
+) -> None:
     """Print the figures of all runs, and write the page over them."""
     import json
 
@@ -72,7 +97,7 @@ def show(runs: Mapping[str, Mapping[str, float]], out: Path, *, as_json: bool) -
         "found again on a second drive in that map, by IMU and detections; path and cars together without poses."
     )
     pages = {name: f"{name}/report.html" for name in runs}
-    write_atomically(out / "report.html", overview_page("meshslam demo", intro, runs, pages).encode())
+    write_atomically(out / "report.html", overview_page("meshslam demo", intro, runs, pages, pictures).encode())
     if as_json:
         print(json.dumps(runs, indent=1))
         return
