@@ -49,6 +49,18 @@ def test_the_literal_twin(seed):
     assert np.abs(expected).max() > 0
 
 
+def twin_of_the_loss(camera, pose, vertices, faces, observed):
+    """Gradient over the vertices, in the object's frame, from the literal twin on the whole image."""
+    drawn = render(camera, [(pose, vertices, faces)])
+    in_camera = pose.transform(vertices)
+    slope = mask_loss_gradient(observed, drawn.mask)
+    on_image = kato.pixel_gradient(camera.project(in_camera), faces, drawn.face_index, slope)
+    depth = in_camera[:, 2]
+    by_x, by_y = on_image[:, 0] * camera.fx / depth, on_image[:, 1] * camera.fy / depth
+    lifted = np.column_stack([by_x, by_y, -(by_x * in_camera[:, 0] + by_y * in_camera[:, 1]) / depth])
+    return lifted @ pose.rotation
+
+
 def test_the_loss_of_a_car_goes_back_as_the_twin_says():
     camera = Camera(110, 70, 160.0, 160.0, 55.0, 30.0)
     car = load_category("car")
@@ -56,16 +68,23 @@ def test_the_loss_of_a_car_goes_back_as_the_twin_says():
     pose = Pose(ahead, np.array([0.1, 0.6, 9.0]))
     observed = render(camera, [(Pose(ahead, np.array([0.3, 0.5, 9.0])), car.vertices, car.faces)]).mask
     found = MaskLoss(camera, len(car.vertices), car.faces, observed).gradient(pose, car.vertices, "kato")
-    drawn = render(camera, [(pose, car.vertices, car.faces)])
-    slope = mask_loss_gradient(observed, drawn.mask)
-    in_camera = pose.transform(car.vertices)
-    on_image = kato.pixel_gradient(camera.project(in_camera), car.faces, drawn.face_index, slope)
-    depth = in_camera[:, 2]
-    by_x, by_y = on_image[:, 0] * camera.fx / depth, on_image[:, 1] * camera.fy / depth
-    lifted = np.column_stack([by_x, by_y, -(by_x * in_camera[:, 0] + by_y * in_camera[:, 1]) / depth])
-    expected = lifted @ pose.rotation
+    expected = twin_of_the_loss(camera, pose, car.vertices, car.faces, observed)
     np.testing.assert_allclose(found.vertices, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_allclose(found.object[:3], expected.sum(0), atol=1e-9 * np.abs(expected).sum())
+
+
+@pytest.mark.parametrize("margin", [-3, 0, 4])
+def test_edges_along_pixel_centres_are_pulled_in_and_out(margin):
+    corners = np.array([[20.0, 18], [44, 18], [44, 40], [20, 40]])
+    square = FLAT.rays(corners)
+    square /= square[:, 2:]
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    observed = np.zeros((SIZE, SIZE), np.uint8)
+    observed[18 - margin : 41 + margin, 20 - margin : 45 + margin] = 1
+    found = MaskLoss(FLAT, 4, faces, observed).gradient(Pose.identity(), square, "kato").vertices
+    expected = twin_of_the_loss(FLAT, Pose.identity(), square, faces, observed)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert np.abs(expected).max() > 1e-6
 
 
 def test_it_lowers_the_loss():

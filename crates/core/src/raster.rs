@@ -57,6 +57,35 @@ impl Rect {
         Self { x0, y0, width: (x1 - x0).max(0) as usize, height: (y1 - y0).max(0) as usize }
     }
 
+    /// The smallest rectangle that holds both; one without pixels adds nothing.
+    #[must_use]
+    pub fn joined(&self, other: &Self) -> Self {
+        if self.area() == 0 || other.area() == 0 {
+            return if self.area() == 0 { *other } else { *self };
+        }
+        let (x0, y0) = (self.x0.min(other.x0), self.y0.min(other.y0));
+        let x1 = (self.x0 + self.width as i64).max(other.x0 + other.width as i64);
+        let y1 = (self.y0 + self.height as i64).max(other.y0 + other.height as i64);
+        Self { x0, y0, width: (x1 - x0) as usize, height: (y1 - y0) as usize }
+    }
+
+    /// The rectangle with a margin on all sides.
+    #[must_use]
+    pub fn grown(&self, margin: u32) -> Self {
+        let (x0, y0) = (self.x0 - i64::from(margin), self.y0 - i64::from(margin));
+        Self { x0, y0, width: self.width + 2 * margin as usize, height: self.height + 2 * margin as usize }
+    }
+
+    /// The part of the image that a mesh may cover: all of it where the near plane cuts the mesh.
+    #[must_use]
+    pub fn of_mesh(camera: &Camera, points_in_camera: &[Vector3<f64>]) -> Self {
+        let image = Self::image(camera);
+        if points_in_camera.iter().any(|p| p.z < NEAR_M) {
+            return image;
+        }
+        Self::around(points_in_camera.iter().map(|p| camera.project(p))).intersection(&image)
+    }
+
     /// The smallest rectangle around all pixel centres that the points span.
     #[must_use]
     pub fn around(points: impl Iterator<Item = Vector2<f64>>) -> Self {

@@ -33,14 +33,38 @@ impl Picture<'_> {
         y as usize * self.rect.width + x as usize
     }
 
-    fn covered(&self, index: usize) -> f64 {
-        f64::from(self.face[index] >= 0)
-    }
-
     /// Pixels along an axis and across it.
     fn size(&self, axis: usize) -> (i64, i64) {
         let (w, h) = (self.rect.width as i64, self.rect.height as i64);
         if axis == 0 { (w, h) } else { (h, w) }
+    }
+}
+
+/// Pixels that the loss wants covered and that are not, along the scanlines of an axis: what outward passes pull towards.
+struct Missing {
+    start: Vec<usize>,
+    across: Vec<i64>,
+}
+
+impl Missing {
+    fn new(picture: &Picture, axis: usize) -> Self {
+        let (length, width) = picture.size(axis);
+        let (mut start, mut across) = (vec![0], Vec::new());
+        for along in 0..length {
+            let missing = |&at: &i64| {
+                let index = picture.index(axis, along, at);
+                picture.face[index] < 0 && picture.slope[index] < 0.0
+            };
+            across.extend((0..width).filter(missing));
+            start.push(across.len());
+        }
+        Self { start, across }
+    }
+
+    /// Those of a scanline from `first` to `last`, both included.
+    fn between(&self, along: i64, first: i64, last: i64) -> &[i64] {
+        let line = &self.across[self.start[along as usize]..self.start[along as usize + 1]];
+        &line[line.partition_point(|&at| at < first)..line.partition_point(|&at| at <= last)]
     }
 }
 
@@ -49,6 +73,7 @@ impl Picture<'_> {
 pub fn pixel_gradient(pixels: &[Vector2<f64>], faces: &[[u32; 3]], picture: &Picture) -> Vec<Vector2<f64>> {
     let mut out = vec![Vector2::zeros(); pixels.len()];
     let origin = Vector2::new(picture.rect.x0 as f64, picture.rect.y0 as f64);
+    let missing = [0, 1].map(|axis| Missing::new(picture, axis));
     let mut seen = vec![false; faces.len()];
     picture.face.iter().filter(|f| **f >= 0).for_each(|&f| seen[f as usize] = true);
     for (number, face) in faces.iter().enumerate().filter(|(number, _)| seen[*number]) {
@@ -62,7 +87,7 @@ pub fn pixel_gradient(pixels: &[Vector2<f64>], faces: &[[u32; 3]], picture: &Pic
             let ends = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
             for axis in 0..2 {
                 let points = ends.map(|v| Vector2::new(at(v)[axis], at(v)[1 - axis]));
-                let (first, second) = scan_edge(picture, number as i32, axis, &points);
+                let (first, second) = scan_edge(picture, &missing[axis], number as i32, axis, &points);
                 out[ends[0] as usize][1 - axis] += first;
                 out[ends[1] as usize][1 - axis] += second;
             }
@@ -72,7 +97,7 @@ pub fn pixel_gradient(pixels: &[Vector2<f64>], faces: &[[u32; 3]], picture: &Pic
 }
 
 /// One edge of one face along one axis: the pull on the coordinate across it at both ends. Points are (along, across).
-fn scan_edge(picture: &Picture, face: i32, axis: usize, points: &[Vector2<f64>; 3]) -> (f64, f64) {
+fn scan_edge(picture: &Picture, missing: &Missing, face: i32, axis: usize, points: &[Vector2<f64>; 3]) -> (f64, f64) {
     let [p, q, third] = *points;
     let (length, width) = picture.size(axis);
     let (mut first, mut second) = (0.0, 0.0);
@@ -99,27 +124,20 @@ fn scan_edge(picture: &Picture, face: i32, axis: usize, points: &[Vector2<f64>; 
                 }
             }
         };
-        let at_inner = picture.index(axis, along, inner);
-        if picture.face[at_inner] == face {
+        if picture.face[picture.index(axis, along, inner)] == face {
             let limit = if outward > 0 { width - 1 } else { 0 };
-            for across in outer.min(limit)..=outer.max(limit) {
-                let at = picture.index(axis, along, across);
-                let gain = (picture.covered(at) - picture.covered(at_inner)) * picture.slope[at];
-                if gain > 0.0 {
-                    pull(across, gain);
-                }
+            for &across in missing.between(along, outer.min(limit), outer.max(limit)) {
+                pull(across, -picture.slope[picture.index(axis, along, across)]);
             }
         }
-        let at_outer = picture.index(axis, along, outer);
+        if picture.face[picture.index(axis, along, outer)] >= 0 {
+            continue; // what leaves the face there uncovers nothing
+        }
         let limit = far_side(&p, &q, &third, along as f64, outward).clamp(0, width - 1);
         for across in inner.min(limit)..=inner.max(limit) {
             let at = picture.index(axis, along, across);
-            if picture.face[at] != face {
-                continue;
-            }
-            let gain = (picture.covered(at) - picture.covered(at_outer)) * picture.slope[at];
-            if gain > 0.0 {
-                pull(across, gain);
+            if picture.face[at] == face && picture.slope[at] > 0.0 {
+                pull(across, picture.slope[at]);
             }
         }
     }
@@ -147,11 +165,13 @@ pub fn kato_gradient(
     observed: &ObservedMask,
 ) -> MaskGradient {
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = Rect::image(camera);
+    let image = Rect::image(camera);
+    let seen = observed.bounds.intersection(&image);
+    let rect = Rect::of_mesh(camera, &points).joined(&seen).grown(1).intersection(&image);
     let mut raster = Raster::new(rect);
     raster.draw(camera, &points, &topology.faces, 0);
     let (mut both, mut drawn) = (0u64, 0u64);
-    let place = |i: usize| ((i % rect.width) as i64, (i / rect.width) as i64);
+    let place = |i: usize| ((i % rect.width) as i64 + rect.x0, (i / rect.width) as i64 + rect.y0);
     for (i, _) in raster.face.iter().enumerate().filter(|(_, f)| **f >= 0) {
         let (x, y) = place(i);
         drawn += 1;

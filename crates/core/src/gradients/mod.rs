@@ -23,6 +23,8 @@ pub struct ObservedMask {
     sums: Vec<u32>,
     /// Pixels in the mask.
     pub area: u64,
+    /// The smallest rectangle that holds them.
+    pub bounds: Rect,
 }
 
 impl ObservedMask {
@@ -38,16 +40,28 @@ impl ObservedMask {
         let mask: Vec<u8> = mask.iter().map(|&m| u8::from(m > 0)).collect();
         let mut sums = Vec::with_capacity(rect.height * (rect.width + 1));
         let mut area = 0;
+        let (mut rows, mut columns) = (rect.height..0, rect.width..0);
         for row in 0..rect.height {
             let mut sum = 0;
             sums.push(0);
-            for &m in &mask[row * rect.width..(row + 1) * rect.width] {
+            let line = &mask[row * rect.width..(row + 1) * rect.width];
+            if let (Some(first), Some(last)) = (line.iter().position(|&m| m > 0), line.iter().rposition(|&m| m > 0)) {
+                rows = rows.start.min(row)..row + 1;
+                columns = columns.start.min(first)..columns.end.max(last + 1);
+            }
+            for &m in line {
                 sum += u32::from(m);
                 sums.push(sum);
             }
             area += u64::from(sum);
         }
-        Ok(Self { rect, mask, sums, area })
+        let bounds = Rect {
+            x0: rect.x0.saturating_add(columns.start as i64),
+            y0: rect.y0.saturating_add(rows.start as i64),
+            width: columns.len(),
+            height: rows.len(),
+        };
+        Ok(Self { rect, mask, sums, area, bounds })
     }
 
     /// 1 if the pixel is in the mask.

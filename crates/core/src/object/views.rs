@@ -89,21 +89,12 @@ impl Sight<'_> {
     }
 }
 
-/// The part of the image that a mesh may cover.
-fn mesh_rect(view: &View, points_in_camera: &[Vector3<f64>]) -> Rect {
-    let image = Rect::image(&view.camera);
-    if points_in_camera.iter().any(|p| p.z < crate::raster::NEAR_M) {
-        return image;
-    }
-    Rect::around(points_in_camera.iter().map(|p| view.camera.project(p))).intersection(&image)
-}
-
 /// IoU of the drawn mesh with the observed mask in a view; pixels that an occluder hides count only where the mask has them.
 #[must_use]
 pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> f64 {
     let camera_from_object = view.world_from_camera.inverse().compose(world_from_object);
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = mesh_rect(view, &points);
+    let rect = Rect::of_mesh(&view.camera, &points);
     let mut drawn = vec![0; rect.area()];
     fill_mask(&view.camera, &points, faces, &rect, &mut drawn);
     let (mut both, mut only_drawn) = (0usize, 0usize);
