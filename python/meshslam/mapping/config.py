@@ -24,7 +24,7 @@ class GradientConfig:
     pose_iterations: int = 100
     rotation_step: float = 0.002  # rad^2
     position_step: float = 0.005  # m^2
-    shape_iterations: int = 100
+    shape_iterations: int = 300
     vertex_step: float = 0.06  # m^2
 
 
