@@ -176,9 +176,10 @@ fn box_template() -> Template {
 #[test]
 fn the_gradient_of_the_border_points_along_that_of_the_true_cost() {
     let (template, mut random) = (box_template(), Random(3));
-    let views = without_keypoints(&views(&template, &start(&template), 4));
+    let mut views = without_keypoints(&views(&template, &start(&template), 4));
+    views.iter_mut().enumerate().for_each(|(k, v)| v.time_s = 0.3 * k as f64 - 0.2);
     let seen: Vec<&View> = views.iter().collect();
-    for scope in [SCOPES[1], SCOPES[3]] {
+    for scope in [SCOPES[1], SCOPES[3], SCOPES[4]] {
         let mut problem = ObjectProblem::new(&template, &seen, None, model(), scope);
         for _ in 0..6 {
             let state = disturbed(&template, &mut random, 0.7);

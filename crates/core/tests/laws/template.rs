@@ -78,3 +78,14 @@ fn parts_that_do_not_fit_are_refused() {
     assert!(matches!(broken(|p| p.wheels[0] = 42), Err(Error::Index { .. })));
     assert!(matches!(broken(|p| p.wheels[0] = -1), Err(Error::Index { .. })));
 }
+
+#[test]
+fn more_modes_than_the_normal_equations_hold_are_refused() {
+    let with = |count: usize| {
+        let mut parts = Parts::new();
+        parts.modes = vec![Vector3::new(0.01, 0.0, 0.0); count * parts.mean.len()];
+        parts.build()
+    };
+    assert_eq!(with(55).unwrap().mode_count, 55);
+    assert!(matches!(with(56), Err(Error::Range { what: "mode count", .. })));
+}
