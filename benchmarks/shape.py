@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections import defaultdict
@@ -136,6 +137,7 @@ def one(job: tuple[str, Path, int, Path | None, bool]) -> tuple[str, str, dict[s
             folder = OUT / "runs" / f"{case.name}-{stage.replace(' ', '_')}"
             folder.mkdir(parents=True, exist_ok=True)
             found.save(folder)
+            shutil.copy(run / "detections.json", folder)
             rows[stage] = score(case, folder, seen)
     return group, case.name, rows
 
