@@ -103,7 +103,7 @@ def _figures(
 class SlamPath:
     """The camera's path among objects that were not known before."""
 
-    world_from_camera: tuple[Pose, ...]  # after smoothing over the lag
+    world_from_camera: tuple[Pose, ...]  # after smoothing over the whole run
     filtered: tuple[Pose, ...]  # as each was known when its frame came
     inertial: tuple[Pose, ...]  # by the IMU alone
     figures: dict[str, float]
@@ -137,12 +137,12 @@ def slam_path(
         if progress is not None:
             progress("slam", index + 1, len(sequence))
     figures: dict[str, float] = {
-        "objects_in_graph": len(system.objects),
+        "objects_in_graph": len(system.landmarks),
         "tracks_moving": len(system.moving),
         "frames_with_imu_gap": gaps,
     }
     return SlamPath(
-        tuple(system.path[frame] for frame in sequence.frame_ids),
+        system.finish(),
         tuple(filtered),
         inertial_path(imu, sequence.times_s, start, mounting, config.imu),
         figures,

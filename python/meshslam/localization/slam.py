@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
+from meshslam.localization.landmarks import Landmark, growth
 from meshslam.localization.smoother import Smoother
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
@@ -68,8 +69,9 @@ class Slam:
     slam: SlamConfig
     mapping: MappingConfig
     path: dict[int, Pose] = field(default_factory=dict)
-    objects: dict[int, tuple[Pose, Floats]] = field(default_factory=dict)  # pose and modes, as last seen
+    landmarks: dict[int, Landmark] = field(default_factory=dict)
     moving: set[int] = field(default_factory=set)
+    same: list[tuple[int, int]] = field(default_factory=list)  # landmarks that are one object
 
     def __post_init__(self) -> None:
         imu = replace(
@@ -85,6 +87,11 @@ class Slam:
             for n in self.keypoint_names
         ]
         self._candidates: dict[int, Candidate] = {}
+        self._growth = growth(self.category)
+        self._noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
+        self._in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
+        self._wheels: dict[int, Entry] = {}  # what ties a landmark to the road
+        self._way_m = 0.0
         self._frame_ids: list[int] = []
         self._times: list[float] = []
 
@@ -100,25 +107,33 @@ class Slam:
         self._smoother.advance(predict(self._state, interval, time_s), interval)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
+    def finish(self) -> tuple[Pose, ...]:
+        """world_from_camera of all frames so far, smoothed over the whole path."""
+        values, path = self._smoother.whole_path(self.same, self.slam.whole_iterations)
+        self.whole = values
+        return tuple(path)
+
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self._frame_ids.append(frame)
         self._times.append(time_s)
         self.path[frame] = self._smoother.estimate(self._smoother.frame).world_from_camera
         added: dict[int, tuple[Entry, SeenObject, int]] = {}
         for sight in self._sights(detections):
-            number = sight.detection.track_id
-            assert number is not None
-            if self._smoother.holds_object(number):
-                seen = self._seen(sight.view)
+            track = sight.detection.track_id
+            assert track is not None
+            number = self._in_view.get(track)
+            if number is not None:
+                seen = self._seen(sight, *self._smoother.object_state(number))
                 added[number] = self._smoother.see_shaped(seen, number, sight.index), seen, sight.index
-            elif number not in self.moving:
-                self._candidates.setdefault(number, Candidate()).sights.append(sight)
+            elif track not in self.moving:
+                self._candidates.setdefault(track, Candidate()).sights.append(sight)
         self._smoother.update()
         self._refuse(added)
-        for number in [n for n in self._candidates if self._ready(n)]:
-            self._start(number)
-        self._remember()
+        for track in [t for t in self._candidates if self._ready(t)]:
+            self._start(track)
+        self._remember(added)
         self._smoother.close()
+        self._in_view = {t: n for t, n in self._in_view.items() if self._smoother.holds_object(n)}
         return SlamReport(frame, self.path[frame], tuple(sorted(added)), has_gap)
 
     def _sights(self, detections: Sequence[Detection]) -> list[Sight]:
@@ -136,8 +151,17 @@ class Slam:
             found.append(Sight(self._smoother.frame, detection, occluder, view))
         return found
 
-    def _seen(self, view: View) -> SeenObject:
-        return SeenObject(self.model, view, self.mapping.noise, self.camera.fx)
+    def _seen(self, sight: Sight, world_from_object: Pose, _z: Floats) -> SeenObject:
+        """A view with what the object's own shape and key points add to its noise at the depth where it now is.
+
+        A noise that followed the depth would make all that is nearer and smaller cost less.
+        """
+        world_from_camera = self._smoother.estimate(sight.index).world_from_camera
+        depth_m = max(1.0, float(world_from_camera.inverse().transform(world_from_object.translation)[2]))
+        metre_px = self.camera.fx / depth_m
+        view = sight.view.with_surface_sigma(self.slam.surface_sigma_m * metre_px)
+        view = view.with_keypoint_sigma(self.mapping.noise.keypoint_position_sigma_m * metre_px)
+        return SeenObject(self.model, view, self._noise, self.camera.fx)
 
     def _refuse(self, added: dict[int, tuple[Entry, SeenObject, int]]) -> None:
         """Drop this frame's views that fit badly where all factors agree."""
@@ -166,29 +190,40 @@ class Slam:
         first, last = (self.path[self._frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
         return float(np.linalg.norm(last - first)) >= self.slam.start_baseline_m
 
-    def _start(self, number: int) -> None:
+    def _start(self, track: int) -> None:
         """Initialize a track's object from its views at the current camera poses, and tie it into the graph."""
-        candidate = self._candidates[number]
+        candidate = self._candidates[track]
         found = self._reconstructed(candidate)
         if found is None:
             candidate.next_try = len(candidate.sights) + self.slam.retry_views
             return
-        del self._candidates[number]
+        del self._candidates[track]
         if isinstance(found, str):
-            self.moving.add(number)
+            self.moving.add(track)
             return
         pose, z = found.state.world_from_object, found.state.z
-        self._smoother.add_object(number, pose, z)
+        number = len(self.landmarks) + 1
+        size = np.ptp(self.model.vertices(found.state), axis=0)
+        self.landmarks[number] = Landmark(number, track, pose, z, size, len(candidate.sights))
+        self._in_view[track] = number
+        self._smoother.add_object(number, pose, z, self._growth, self.slam.size_sigma)
         for sight in candidate.sights:
-            self._smoother.see_shaped(self._seen(sight.view), number, sight.index)
-        if self.height_above_ground_m is not None:
-            bottom = float(self.model.vertices(found.state)[:, 2].min())
-            away = [float(np.linalg.norm(self._eye(s.index) - pose.translation)) for s in candidate.sights]
-            nearest = int(np.argmin(away))
-            sigma = float(np.hypot(self.slam.road_sigma_m, self.mapping.ground_slope_sigma * away[nearest]))
-            below = self.height_above_ground_m + bottom
-            self._smoother.stand_on_road(number, candidate.sights[nearest].index, below, sigma)
+            self._smoother.see_shaped(self._seen(sight, pose, z), number, sight.index)
         self._smoother.update()
+
+    def _stand(self, number: int) -> None:
+        """Put an object's wheels on the road, as seen from where the camera came nearest."""
+        landmark, height = self.landmarks[number], self.height_above_ground_m
+        away = float(np.linalg.norm(self.path[self._frame_ids[-1]].translation - landmark.world_from_object.translation))
+        if height is None or away > self.slam.nearer * landmark.nearest_m:
+            return
+        landmark.nearest_m = away
+        if number in self._wheels:
+            self._smoother.window.drop([self._wheels[number]])
+        sigma = float(np.hypot(self.mapping.ground_height_sigma_m, self.mapping.ground_slope_sigma * away))
+        state = replace(self.model.state_at(landmark.world_from_object), z=landmark.z)
+        below = height + float(self.model.vertices(state)[:, 2].min())
+        self._wheels[number] = self._smoother.stand_on_road(number, self._smoother.frame, below, sigma)
 
     def _reconstructed(self, candidate: Candidate) -> Reconstruction | str | None:
         """The object of a track; "moves" if it does, None if it fits no object yet."""
@@ -221,15 +256,16 @@ class Slam:
         fast = float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s
         return "moves" if fast and gain > self.mapping.motion_gain else found
 
-    def _eye(self, index: int) -> Floats:
-        return self._smoother.estimate(index).world_from_camera.translation
-
-    def _remember(self) -> None:
+    def _remember(self, added: Iterable[int]) -> None:
         for index in self._smoother.frames:
             self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
-        for number in self._smoother.shaped_objects:
-            self.objects[number] = self._smoother.object_state(number)
         self._state = self._smoother.estimate(self._smoother.frame).state
+        for number in self._smoother.shaped_objects:
+            landmark = self.landmarks[number]
+            landmark.world_from_object, landmark.z = self._smoother.object_state(number)
+        for number in added:
+            self.landmarks[number].views += 1
+            self._stand(number)
 
 
 def _touch(one: Detection, other: Detection) -> bool:

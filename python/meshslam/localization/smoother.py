@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
+from gtsam.symbol_shorthand import B, E, O, S, T, V, X, Z
 
 from meshslam.errors import MapError
 from meshslam.geometry import Pose
@@ -16,9 +16,10 @@ from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
-from meshslam.localization.window import Entry, Window
+from meshslam.localization.past import Past, smooth_whole
+from meshslam.localization.window import Entry, Window, linear_factor
 
-ROTATION, OFFSET = E(0), T(0)
+ROTATION, OFFSET, SIZE = E(0), T(0), S(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +30,13 @@ class FrameEstimate:
     world_from_camera: Pose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ViewTag:
     """A factor that is a view: of which object, in which frame."""
 
     number: int
     frame: int
+    seen: SeenObject
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +84,13 @@ class Smoother:
     def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
         self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
         self.window = Window()
+        self.past = Past()
         self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
         self._times: dict[int, float] = {}
         self._memos: dict[int, CameraMemo] = {}
         self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
-        self._shaped: set[int] = set()  # those whose modes are estimated too
+        self._shaped: dict[int, list[ViewTag]] = {}  # those whose modes are estimated too, and their views
+        self._cameras: dict[int, Pose] = {}  # world_from_camera of each frame as it was when it left
         self.frame = -1
 
     def begin(self, state: NavState, rate_rad_s: Floats) -> None:
@@ -127,26 +131,37 @@ class Smoother:
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
         factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
-        self.window.add(factor, ViewTag(number, self.frame))
+        self.window.add(factor, ViewTag(number, self.frame, seen))
 
-    def add_object(self, number: int, world_from_object: Pose, z: Floats) -> None:
-        """An object that is mapped along: its pose is free, its modes have their prior N(0, I)."""
+    def add_object(
+        self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float
+    ) -> None:
+        """An object that is mapped along: its pose is free, its modes z ~ N(s g, I).
+
+        g (modes,), of unit length, makes an object larger as a whole, and s ~ N(0, size_sigma^2) is one for all objects:
+        the cars of a place may all be larger than the category's mean, which else would be a measure of length.
+        """
         values, noise = self.window.values, gtsam.noiseModel
         values.insert(O(number), to_pose3(world_from_object))
         values.insert(Z(number), z)
         loose = noise.Diagonal.Sigmas(np.array([1.0] * 3 + [10.0] * 3))
         self.window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
-        self.window.add(gtsam.PriorFactorVector(Z(number), np.zeros(len(z)), noise.Unit.Create(len(z))))
+        if not values.exists(SIZE):
+            values.insert(SIZE, np.zeros(1))
+            self.window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))
+        self.window.add(linear_factor({Z(number): np.eye(len(z)), SIZE: -growth[:, None]}, np.zeros(len(z))))
         self._objects[number] = self.frame
-        self._shaped.add(number)
+        self._shaped[number] = []
 
     def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
         """A view, in a frame that is held, of an object that is mapped along."""
         keys, memo = self._camera_keys(frame), self._memos[frame]
         self._objects[number] = max(frame, self._objects[number])
-        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), ViewTag(number, frame))
+        tag = ViewTag(number, frame, seen)
+        self._shaped[number].append(tag)
+        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), tag)
 
-    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> Entry:
         """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
         unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
 
@@ -159,7 +174,7 @@ class Smoother:
                 jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
             return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
 
-        self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+        return self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
@@ -186,13 +201,24 @@ class Smoother:
         gone = [f for f, t in self._times.items() if t < oldest]
         keys = {key for f in gone for key in (X(f), V(f), B(f))}
         for frame in gone:
-            del self._times[frame], self._rates[frame], self._memos[frame]
+            self._cameras[frame] = self.estimate(frame).world_from_camera
+            del self._times[frame], self._memos[frame]
         unseen = [n for n, last in self._objects.items() if last not in self._times]
         for number in unseen:
             del self._objects[number]
+            self._freeze(number)
         shaped = {Z(n) for n in unseen if n in self._shaped}
-        self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
-        self._shaped -= set(unseen)
+        self.past.take(self.window, keys | {O(n) for n in unseen} | shaped)
+        for number in unseen:
+            self._shaped.pop(number, None)
+
+    def _freeze(self, number: int) -> None:
+        """Linearize an object's views for good where it is now that all have spoken."""
+        views = self._shaped.get(number, [])
+        for tag in views:
+            pose, z = self.object_state(number)
+            camera = self._cameras[tag.frame] if tag.frame in self._cameras else self.estimate(tag.frame).world_from_camera
+            tag.seen.freeze(camera.inverse() @ pose, z)
 
     def belief(self) -> SmootherBelief:
         """Take all but the newest state and the mounting out; what the others said stays."""
@@ -206,8 +232,8 @@ class Smoother:
         rows = np.asarray(self.window.linearized().augmentedJacobian(ordering))
         estimate = self.estimate(newest)
         for frame in [f for f in self._times if f != newest]:
-            del self._times[frame], self._rates[frame], self._memos[frame]
-        self._objects, self._shaped = {}, set()
+            del self._times[frame], self._memos[frame]
+        self._objects, self._shaped = {}, {}
         return SmootherBelief(estimate.state, self._rates[newest], self.mounting(), rows)
 
     def resume(self, belief: SmootherBelief) -> None:
@@ -240,6 +266,19 @@ class Smoother:
         mounting = self.mounting()
         camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
         return FrameEstimate(state, camera.pose)
+
+    def whole_path(self, same: Sequence[tuple[int, int]], iterations: int) -> tuple[gtsam.Values, list[Pose]]:
+        """Smooth over all frames and objects there were; `same` are pairs of objects that are one.
+
+        Returns all variables, and world_from_camera of every frame.
+        """
+        values = smooth_whole(self.past, self.window, same, iterations)
+        turn, offset = Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0])
+        path = []
+        for frame, rate in sorted(self._rates.items()):
+            pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
+            path.append(place_camera(pose, velocity, turn, offset, rate).pose)
+        return values, path
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
