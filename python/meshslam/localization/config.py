@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from meshslam.geometry import NoiseModel
+from meshslam.localization.revisit import RevisitConfig
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,10 @@ class SlamConfig:
     minimum_mask_iou: float = 0.6
     nearer: float = 0.7  # an object's height over the road is taken anew where the camera is nearer by this factor
     surface_sigma_m: float = 0.05  # twice mapping's: a car's views share what its surface is off
-    size_sigma: float = 1.5  # of what all cars of a place are larger than the category's mean, in its sigmas
+    size_sigma: float = 1.0  # of what all cars of a place are larger than the category's mean, in its sigmas
     whole_iterations: int = 8  # of the smoothing of the whole path, at the end
     lag_s: float = 4.0
+    revisit: RevisitConfig = field(default_factory=RevisitConfig)
     # without a map these are seen in turns only; looser, systematic errors of shapes move them
     time_offset_sigma_s: float = 0.005
     extrinsic_rotation_sigma_deg: float = 0.3

@@ -13,7 +13,7 @@ from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
-from meshslam.localization.landmarks import Landmark, growth
+from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
 from meshslam.localization.smoother import Smoother
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
@@ -91,7 +91,7 @@ class Slam:
         self._noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
         self._in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
         self._wheels: dict[int, Entry] = {}  # what ties a landmark to the road
-        self._way_m = 0.0
+        self.odometer = Odometer()
         self._frame_ids: list[int] = []
         self._times: list[float] = []
 
@@ -133,8 +133,9 @@ class Slam:
             self._start(track)
         self._remember(added)
         self._smoother.close()
-        self._in_view = {t: n for t, n in self._in_view.items() if self._smoother.holds_object(n)}
-        return SlamReport(frame, self.path[frame], tuple(sorted(added)), has_gap)
+        self._leave()
+        self._know_again()
+        return SlamReport(frame, self.odometer.map_from_odometry @ self.path[frame], tuple(sorted(added)), has_gap)
 
     def _sights(self, detections: Sequence[Detection]) -> list[Sight]:
         """Views of this frame's tracked detections; what hides them is told by the masks' lowest rows."""
@@ -256,6 +257,29 @@ class Slam:
         fast = float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s
         return "moves" if fast and gain > self.mapping.motion_gain else found
 
+    def _leave(self) -> None:
+        """Put landmarks that left the window where they now are in the map."""
+        for track, number in list(self._in_view.items()):
+            if not self._smoother.holds_object(number):
+                landmark = self.landmarks[number]
+                landmark.in_map = self.odometer.map_from_odometry @ landmark.world_from_object
+                del self._in_view[track]
+                self._wheels.pop(number, None)
+
+    def _know_again(self) -> None:
+        """Join landmarks in view with older ones, and lay the odometry's world anew in the map."""
+        if len(self.path) > 1:
+            last, now = (self.path[f].translation for f in self._frame_ids[-2:])
+            self.odometer.way_m += float(np.linalg.norm(now - last))
+        if not self.slam.revisit.enabled:
+            return
+        in_view = set(self._in_view.values())
+        found = known_again_in(self.landmarks, in_view, self.same, self.odometer, self.slam.revisit)
+        if found is not None:
+            self.same += found.pairs
+            self.odometer.map_from_odometry = found.correction @ self.odometer.map_from_odometry
+            self.odometer.known_at_m = self.odometer.way_m
+
     def _remember(self, added: Iterable[int]) -> None:
         for index in self._smoother.frames:
             self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
@@ -265,6 +289,7 @@ class Slam:
             landmark.world_from_object, landmark.z = self._smoother.object_state(number)
         for number in added:
             self.landmarks[number].views += 1
+            self.landmarks[number].last_way_m = self.odometer.way_m
             self._stand(number)
 
 
