@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from meshslam.categories import Category
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.past import Pair
 from meshslam.localization.revisit import Placed, Revisit, RevisitConfig, known_again
 
 
@@ -36,8 +37,9 @@ class Landmark:
 def growth(category: Category) -> Floats:
     """Modes (M,), of unit length, that come nearest to making the mean shape larger as a whole."""
     modes = category.modes.reshape(len(category.modes), -1).T
-    found: Floats = np.linalg.lstsq(modes, category.vertices.ravel(), rcond=None)[0]
-    return found / np.linalg.norm(found)
+    found = np.linalg.lstsq(modes, category.vertices.ravel(), rcond=None)[0]
+    unit: Floats = np.asarray(found / np.linalg.norm(found), float)
+    return unit
 
 
 @dataclass
@@ -50,7 +52,11 @@ class Odometer:
 
 
 def known_again_in(
-    landmarks: Mapping[int, Landmark], in_view: Set[int], same: list[tuple[int, int]], at: Odometer, config: RevisitConfig
+    landmarks: Mapping[int, Landmark],
+    in_view: Set[int],
+    same: Sequence[Pair],
+    at: Odometer,
+    config: RevisitConfig,
 ) -> Revisit | None:
     """Landmarks in view that are older ones, which are not in view."""
     joined = {number for pair in same for number in pair if number in in_view}
@@ -66,3 +72,17 @@ def known_again_in(
     ways = [at.way_m - max(mark.last_way_m, at.known_at_m) for mark in known]
     radii = [min(config.radius_m + config.drift_share * way, config.largest_radius_m) for way in ways]
     return known_again(seen, [mark.placed(at.map_from_odometry) for mark in known], radii, config)
+
+
+def joined_tracks(landmarks: Mapping[int, Landmark], same: Sequence[Pair]) -> dict[int, int]:
+    """For every track that turned out to show an object that another shows too: the lowest of their numbers."""
+    group = {number: number for number in landmarks}
+    for one, other in same:
+        old, new = sorted((group[one], group[other]))
+        group = {number: old if root == new else root for number, root in group.items()}
+    lowest: dict[int, int] = {}
+    for number, root in group.items():
+        track = landmarks[number].track
+        lowest[root] = min(track, lowest.get(root, track))
+    names = {landmarks[number].track: lowest[root] for number, root in group.items()}
+    return {track: name for track, name in names.items() if track != name}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import gtsam
@@ -12,6 +13,9 @@ from meshslam.localization.window import Entry, Window, linear_factor
 
 _SAME_POSE_SIGMAS = np.array([0.02] * 3 + [0.05] * 3)  # rad, m
 _SAME_MODES_SIGMA = 0.5
+_LARGEST_ERROR = 30.0  # half a squared Mahalanobis distance over 6 + modes, of two objects that are one
+
+Pair = tuple[int, int]
 
 
 @dataclass
@@ -28,25 +32,37 @@ class Past:
             self.entries += [entry for entry in window.marginalize(keys) if entry.origin is not None]
 
 
-def smooth_whole(past: Past, window: Window, same: list[tuple[int, int]], iterations: int) -> gtsam.Values:
-    """All variables of a run, solved over all of its factors; `same` are pairs of objects that are one."""
+def smooth_whole(
+    past: Past, window: Window, same: Sequence[Pair], iterations: int
+) -> tuple[gtsam.Values, tuple[Pair, ...]]:
+    """All variables of a run, solved over all of its factors, and which of the pairs of objects `same` are one.
+
+    Pairs that the rest speaks against, once all are solved together, are taken back.
+    """
     whole = Window()
     whole.values.insert(past.values)
     whole.values.insert(window.values)
-    entries = past.entries + [entry for entry in window.entries if entry.origin is not None]
-    for entry in entries:
-        assert entry.origin is not None
-        whole.add(entry.origin)
-    for one, other in same:
-        _join(whole, one, other)
+    for entry in [*past.entries, *window.entries]:
+        if entry.origin is not None:
+            whole.add(entry.origin)
+    for pair in same:
+        _join(whole, pair)
     whole.optimize(iterations)
-    return whole.values
+    wrong = {pair for pair in same if _error(whole, pair) > _LARGEST_ERROR}
+    if wrong:
+        whole.drop([entry for entry in whole.entries if entry.tag in wrong])
+        whole.optimize(iterations)
+    return whole.values, tuple(pair for pair in same if pair not in wrong)
 
 
-def _join(whole: Window, one: int, other: int) -> None:
+def _join(whole: Window, pair: Pair) -> None:
     """Two objects that are one: the same pose and modes."""
-    noise = gtsam.noiseModel
-    whole.add(gtsam.BetweenFactorPose3(O(one), O(other), gtsam.Pose3(), noise.Diagonal.Sigmas(_SAME_POSE_SIGMAS)))
-    modes = len(whole.values.atVector(Z(one)))
-    unit = np.eye(modes)
-    whole.add(linear_factor({Z(one): unit, Z(other): -unit}, np.zeros(modes), _SAME_MODES_SIGMA))
+    one, other = pair
+    noise = gtsam.noiseModel.Diagonal.Sigmas(_SAME_POSE_SIGMAS)
+    whole.add(gtsam.BetweenFactorPose3(O(one), O(other), gtsam.Pose3(), noise), pair)
+    unit = np.eye(len(whole.values.atVector(Z(one))))
+    whole.add(linear_factor(Z(one), unit, Z(other), -unit, _SAME_MODES_SIGMA), pair)
+
+
+def _error(whole: Window, pair: Pair) -> float:
+    return sum(entry.factor.error(whole.values) for entry in whole.entries if entry.tag == pair)

@@ -14,6 +14,7 @@ from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
+from meshslam.localization.landmarks import joined_tracks
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.slam import Slam
 from meshslam.mapping import MappingConfig, category_model
@@ -106,6 +107,7 @@ class SlamPath:
     world_from_camera: tuple[Pose, ...]  # after smoothing over the whole run
     filtered: tuple[Pose, ...]  # as each was known when its frame came
     inertial: tuple[Pose, ...]  # by the IMU alone
+    detections: DetectionSet  # tracks that show one object are one
     figures: dict[str, float]
 
 
@@ -117,8 +119,13 @@ def slam_path(
     slam: SlamConfig,
     mapping: MappingConfig,
     progress: Callable[[str, int, int], None] | None = None,
+    *,
+    fixed_tracks: bool = False,
 ) -> SlamPath:
-    """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
+    """Estimate cameras and objects together, frame by frame, then smooth the whole path; the detections carry tracks.
+
+    `fixed_tracks`: track ids were given, so that no two are joined.
+    """
     imu, imu_from_camera = check_imu(sequence, config.imu)
     start, mounting = start_state(sequence, imu, imu_from_camera), Mounting(imu_from_camera)
     names, by_frame = detections.keypoint_names(category.name), detections.by_frame()
@@ -136,14 +143,19 @@ def slam_path(
         gaps += report.has_gap
         if progress is not None:
             progress("slam", index + 1, len(sequence))
+    whole = system.finish()
+    one = {} if fixed_tracks else joined_tracks(system.landmarks, whole.same)
+    moved = {d.id: one[d.track_id] for d in detections.detections if d.track_id in one}
     figures: dict[str, float] = {
-        "objects_in_graph": len(system.landmarks),
+        "objects_in_graph": len(system.landmarks) - len({new for new, _ in whole.same}),
+        "objects_known_again": len({new for new, _ in whole.same}),
         "tracks_moving": len(system.moving),
         "frames_with_imu_gap": gaps,
     }
     return SlamPath(
-        system.finish(),
+        whole.world_from_camera,
         tuple(filtered),
         inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        detections.with_tracks(moved),
         figures,
     )

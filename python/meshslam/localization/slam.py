@@ -12,9 +12,10 @@ from meshslam.geometry import Camera, ObjectModel, Pose, View
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
+from meshslam.localization.frame_masks import lowest, touch
 from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
-from meshslam.localization.smoother import Smoother
+from meshslam.localization.smoother import Smoother, WholePath
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.ground import road_points
@@ -23,8 +24,6 @@ from meshslam.mapping.reconstruct import Observed, Reconstruction, Scene, motion
 from meshslam.mapping.track import Track, make_views
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
-
-_TOUCH_PX = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,7 @@ class Slam:
         )
         self._preintegrator = Preintegrator(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
-        self._smoother = Smoother(imu, self.config.start, lag, self.mounting)
+        self._smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
@@ -107,11 +106,9 @@ class Slam:
         self._smoother.advance(predict(self._state, interval, time_s), interval)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
-    def finish(self) -> tuple[Pose, ...]:
-        """world_from_camera of all frames so far, smoothed over the whole path."""
-        values, path = self._smoother.whole_path(self.same, self.slam.whole_iterations)
-        self.whole = values
-        return tuple(path)
+    def finish(self) -> WholePath:
+        """All frames so far, smoothed together with all that was seen; the run can go on."""
+        return self._smoother.whole_path(self.same, self.slam.whole_iterations)
 
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self._frame_ids.append(frame)
@@ -145,7 +142,7 @@ class Slam:
         for detection in own:
             occluder = np.zeros((self.camera.height, self.camera.width), np.uint8)
             for other in detections:
-                if other.id != detection.id and _touch(other, detection) and _lowest(other) > _lowest(detection):
+                if other.id != detection.id and touch(other.bbox, detection.bbox) and lowest(other) > lowest(detection):
                     occluder |= masks[other.id]
             pose = Pose.identity()
             view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self.mapping)
@@ -215,7 +212,9 @@ class Slam:
     def _stand(self, number: int) -> None:
         """Put an object's wheels on the road, as seen from where the camera came nearest."""
         landmark, height = self.landmarks[number], self.height_above_ground_m
-        away = float(np.linalg.norm(self.path[self._frame_ids[-1]].translation - landmark.world_from_object.translation))
+        away = float(
+            np.linalg.norm(self.path[self._frame_ids[-1]].translation - landmark.world_from_object.translation)
+        )
         if height is None or away > self.slam.nearer * landmark.nearest_m:
             return
         landmark.nearest_m = away
@@ -291,12 +290,3 @@ class Slam:
             self.landmarks[number].views += 1
             self.landmarks[number].last_way_m = self.odometer.way_m
             self._stand(number)
-
-
-def _touch(one: Detection, other: Detection) -> bool:
-    (ax, ay, aw, ah), (bx, by, bw, bh) = one.bbox, other.bbox
-    return max(max(ax, bx) - min(ax + aw, bx + bw), max(ay, by) - min(ay + ah, by + bh)) < _TOUCH_PX
-
-
-def _lowest(detection: Detection) -> tuple[float, float]:
-    return round(detection.bbox[1] + detection.bbox[3], 1), detection.bbox[2] * detection.bbox[3]

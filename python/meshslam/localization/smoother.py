@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, E, O, S, T, V, X, Z
 
-from meshslam.errors import MapError
 from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
-from meshslam.localization.past import Past, smooth_whole
+from meshslam.localization.past import Pair, Past, smooth_whole
 from meshslam.localization.window import Entry, Window, linear_factor
 
 ROTATION, OFFSET, SIZE = E(0), T(0), S(0)
@@ -40,51 +40,28 @@ class ViewTag:
 
 
 @dataclass(frozen=True, eq=False)
-class SmootherBelief:
-    """The newest state and the mounting with their joint information, as rows |A x - b|.
+class WholePath:
+    """All frames of a run, smoothed together."""
 
-    x: E (3), T (1), V (3), X (6: rotation, translation), B (6: accelerometer, gyroscope), steps from the values held.
-    """
-
-    state: NavState
-    rate_rad_s: Floats  # (3,), free of bias
-    mounting: Mounting
-    rows: Floats  # (n, 20), [A b]
-
-    def arrays(self) -> dict[str, Floats]:
-        """Plain arrays by name."""
-        s = self.state
-        return {
-            "time_s": np.array(s.time_s),
-            "world_from_imu": s.world_from_imu.matrix,
-            "velocity": s.velocity_in_world,
-            "biases": np.concatenate([s.accelerometer_bias, s.gyroscope_bias]),
-            "rate": self.rate_rad_s,
-            "imu_from_camera": self.mounting.imu_from_camera.matrix,
-            "time_offset_s": np.array(self.mounting.time_offset_s),
-            "rows": self.rows,
-        }
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, Floats]) -> SmootherBelief:
-        """The reverse of `arrays`; MapError names what is missing."""
-        try:
-            biases = arrays["biases"]
-            pose, mounted = Pose.from_matrix(arrays["world_from_imu"]), Pose.from_matrix(arrays["imu_from_camera"])
-            state = NavState(float(arrays["time_s"]), pose, arrays["velocity"], biases[:3], biases[3:])
-            mounting = Mounting(mounted, float(arrays["time_offset_s"]))
-            return SmootherBelief(state, arrays["rate"], mounting, arrays["rows"])
-        except KeyError as error:
-            raise MapError(f"a saved system lacks {error}") from None
+    world_from_camera: tuple[Pose, ...]
+    same: tuple[Pair, ...]  # objects that are one
 
 
 class Smoother:
     """States of the last seconds; frames are numbered from 0 in the order in which they come."""
 
-    def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
+    def __init__(
+        self,
+        imu: ImuConfig,
+        start: StartConfig,
+        lag: SmootherConfig,
+        mounting: Mounting,
+        *,
+        keep_past: bool = False,
+    ) -> None:
         self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
         self.window = Window()
-        self.past = Past()
+        self.past = Past() if keep_past else None
         self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
         self._times: dict[int, float] = {}
         self._memos: dict[int, CameraMemo] = {}
@@ -133,12 +110,10 @@ class Smoother:
         factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
         self.window.add(factor, ViewTag(number, self.frame, seen))
 
-    def add_object(
-        self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float
-    ) -> None:
+    def add_object(self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float) -> None:
         """An object that is mapped along: its pose is free, its modes z ~ N(s g, I).
 
-        g (modes,), of unit length, makes an object larger as a whole, and s ~ N(0, size_sigma^2) is one for all objects:
+        g (modes,), of unit length, makes an object larger as a whole; s ~ N(0, size_sigma^2) is one for all objects:
         the cars of a place may all be larger than the category's mean, which else would be a measure of length.
         """
         values, noise = self.window.values, gtsam.noiseModel
@@ -149,7 +124,7 @@ class Smoother:
         if not values.exists(SIZE):
             values.insert(SIZE, np.zeros(1))
             self.window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))
-        self.window.add(linear_factor({Z(number): np.eye(len(z)), SIZE: -growth[:, None]}, np.zeros(len(z))))
+        self.window.add(linear_factor(Z(number), np.eye(len(z)), SIZE, -growth[:, None]))
         self._objects[number] = self.frame
         self._shaped[number] = []
 
@@ -208,7 +183,11 @@ class Smoother:
             del self._objects[number]
             self._freeze(number)
         shaped = {Z(n) for n in unseen if n in self._shaped}
-        self.past.take(self.window, keys | {O(n) for n in unseen} | shaped)
+        keys |= {O(n) for n in unseen} | shaped
+        if self.past is None:
+            self.window.marginalize(keys)
+        else:
+            self.past.take(self.window, keys)
         for number in unseen:
             self._shaped.pop(number, None)
 
@@ -217,7 +196,9 @@ class Smoother:
         views = self._shaped.get(number, [])
         for tag in views:
             pose, z = self.object_state(number)
-            camera = self._cameras[tag.frame] if tag.frame in self._cameras else self.estimate(tag.frame).world_from_camera
+            camera = (
+                self._cameras[tag.frame] if tag.frame in self._cameras else self.estimate(tag.frame).world_from_camera
+            )
             tag.seen.freeze(camera.inverse() @ pose, z)
 
     def belief(self) -> SmootherBelief:
@@ -267,18 +248,16 @@ class Smoother:
         camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
         return FrameEstimate(state, camera.pose)
 
-    def whole_path(self, same: Sequence[tuple[int, int]], iterations: int) -> tuple[gtsam.Values, list[Pose]]:
-        """Smooth over all frames and objects there were; `same` are pairs of objects that are one.
-
-        Returns all variables, and world_from_camera of every frame.
-        """
-        values = smooth_whole(self.past, self.window, same, iterations)
+    def whole_path(self, same: Sequence[Pair], iterations: int) -> WholePath:
+        """Smooth over all frames and objects there were, `same` being pairs of objects that are one."""
+        assert self.past is not None
+        values, held = smooth_whole(self.past, self.window, same, iterations)
         turn, offset = Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0])
-        path = []
-        for frame, rate in sorted(self._rates.items()):
-            pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
-            path.append(place_camera(pose, velocity, turn, offset, rate).pose)
-        return values, path
+        cameras = [
+            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
+            for f, rate in sorted(self._rates.items())
+        ]
+        return WholePath(tuple(cameras), held)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""

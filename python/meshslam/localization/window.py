@@ -6,7 +6,7 @@ more care. A step here asks each factor twice, and views that are settled are he
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -28,21 +28,23 @@ class Entry:
 
 
 def solved(linear: gtsam.GaussianFactorGraph) -> gtsam.VectorValues:
-    """The step of a linear graph: by Cholesky, a fifteenth of QR's time; by QR where its pivots are lost to rounding."""
+    """The step of a linear graph: by Cholesky, in a fifteenth of QR's time; by QR where a pivot is lost to rounding."""
     try:
         return linear.optimize()
     except RuntimeError:  # GTSAM's IndeterminantLinearSystemException
         return linear.optimize(gtsam.EliminateQR)
 
 
-def linear_factor(blocks: Mapping[int, Floats], right: Floats, sigma: float = 1.0) -> gtsam.LinearContainerFactor:
-    """|sum of A_k x_k - b| / sigma over vectors x_k."""
+def linear_factor(
+    one: int, by_one: Floats, other: int, by_other: Floats, sigma: float = 1.0
+) -> gtsam.LinearContainerFactor:
+    """|A x + B y| / sigma over two vectors."""
     origin = gtsam.Values()
-    for key, block in blocks.items():
-        origin.insert(key, np.zeros(block.shape[1]))
-    parts = [part for key, block in blocks.items() for part in (key, np.asfortranarray(block))]
-    noise = gtsam.noiseModel.Isotropic.Sigma(len(right), sigma)
-    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(*parts, right, noise), origin)
+    origin.insert(one, np.zeros(by_one.shape[1]))
+    origin.insert(other, np.zeros(by_other.shape[1]))
+    noise = gtsam.noiseModel.Isotropic.Sigma(len(by_one), sigma)
+    linear = gtsam.JacobianFactor(one, by_one, other, by_other, np.zeros(len(by_one)), noise)
+    return gtsam.LinearContainerFactor(linear, origin)
 
 
 class Window:
@@ -100,7 +102,7 @@ class Window:
     def marginalize(self, keys: set[int]) -> list[Entry]:
         """Take variables out; what their factors say of the others stays. Returns the factors that are gone.
 
-        By QR: priors' precisions span 14 decades, Cholesky works on their squares, and what is lost here is not regained.
+        By QR: priors' precisions span 14 decades, Cholesky works on their squares, and what is lost here is lost.
         """
         if not keys:
             return []
