@@ -13,6 +13,7 @@ from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
+from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
 from meshslam.localization.system import Frame, State, System, SystemConfig
 
 __all__ = [
@@ -27,6 +28,9 @@ __all__ = [
     "Slam",
     "SlamConfig",
     "SlamPath",
+    "SlamState",
+    "SlamSystem",
+    "SlamSystemConfig",
     "SmootherConfig",
     "StartConfig",
     "State",

@@ -117,6 +117,17 @@ class SeenObject:
         self.linearize(camera_from_object, z)
         self.view = None
 
+    @property
+    def frozen(self) -> tuple[Pose, Floats, SquareRoot]:
+        """Where the view was linearized last, and what it then said."""
+        assert self._at is not None
+        assert self._root is not None
+        return *self._at, self._root
+
+    def restore(self, camera_from_object: Pose, z: Floats, root: SquareRoot) -> None:
+        """Take over a linearization."""
+        self._at, self._root = (camera_from_object, z), root
+
     def cost_share(self, camera_from_object: Pose, z: Floats | None = None) -> float:
         """Cost per independent observation: about 1/2 where the model is right."""
         _, residual = self.linearize(camera_from_object, z)
