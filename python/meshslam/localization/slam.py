@@ -75,6 +75,7 @@ class Slam:
     def __post_init__(self) -> None:
         imu = replace(
             self.config.imu,
+            gyroscope_noise=self.slam.gyroscope_noise,
             time_offset_sigma_s=self.slam.time_offset_sigma_s,
             extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
         )
@@ -86,6 +87,7 @@ class Slam:
             for n in self.keypoint_names
         ]
         self.candidates: dict[int, Candidate] = {}
+        self._views = replace(self.mapping, crop_margin=self.slam.crop_margin)
         self._growth = growth(self.category)
         self.noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
         self.in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
@@ -149,7 +151,7 @@ class Slam:
     def sight(self, index: int, detection: Detection, occluder: Bytes) -> Sight:
         """A detection in a frame, with what it shows."""
         pose = Pose.identity()
-        view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self.mapping)
+        view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self._views)
         return Sight(index, detection, occluder, view)
 
     def _seen(self, sight: Sight, world_from_object: Pose) -> SeenObject:

@@ -272,9 +272,7 @@ class Smoother:
         bias = values.atConstantBias(B(frame))
         pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
         state = NavState(self._times[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
-        mounting = self.mounting()
-        camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self.rates_rad_s[frame])
-        return FrameEstimate(state, camera.pose)
+        return FrameEstimate(state, self.mounting().world_from_camera(state, self.rates_rad_s[frame]))
 
     def whole_path(self, same: Sequence[Pair], iterations: int) -> WholePath:
         """Smooth over all frames and objects there were, `same` being pairs of objects that are one."""
