@@ -150,7 +150,8 @@ class Smoother:
         What the window said of its height before is replaced.
         """
         self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
-        self.window.add(road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m), RoadTag(number))
+        factor = road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m)
+        self.window.settle([self.window.add(factor, RoadTag(number))])
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
