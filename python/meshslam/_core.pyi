@@ -144,6 +144,18 @@ class Template:
         velocity: _Floats,
         per_vertex: bool,
     ) -> tuple[_Floats, _Floats, _Bools]: ...
+    def covariance(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        blocks: Sequence[str],
+    ) -> _Floats: ...
     def border_distances(
         self,
         views: Sequence[View],

@@ -1,7 +1,7 @@
 //! `template`, `view` and `object` of the core.
 
 use meshslam_core::factor;
-use meshslam_core::object::{self, Model, ObjectProblem, ObjectState, Scope};
+use meshslam_core::object::{self, Block, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
@@ -274,6 +274,33 @@ impl Template {
         ))
     }
 
+    /// Joint covariance of blocks of parameters, in the order named.
+    #[allow(clippy::too_many_arguments)] // the binding of one function
+    fn covariance<'py>(
+        &self,
+        py: Python<'py>,
+        views: Vec<Bound<'py, View>>,
+        ground_values: Option<GroundTuple>,
+        model_values: ModelTuple,
+        scope: ScopeTuple,
+        world_from_object: Floats2,
+        z: Floats1,
+        d: Floats1,
+        velocity: Floats1,
+        blocks: Vec<String>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let views = core_views(&views);
+        let (ground, model, state) =
+            (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
+        let scope = Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 };
+        let blocks = blocks.iter().map(|name| block(name, scope)).collect::<PyResult<Vec<Block>>>()?;
+        let found = py
+            .detach(|| object::block_covariance(&self.inner, &views, ground, model, scope, &state, &blocks))
+            .map_err(to_python)?;
+        let rows: Vec<Vec<f64>> = found.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
     /// Signed distances from each border point to the outline, an array a view.
     #[allow(clippy::too_many_arguments)] // the binding of one function
     fn border_distances<'py>(
@@ -337,6 +364,24 @@ impl Template {
         });
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
+}
+
+/// The block of a name, which must be among those that are estimated.
+fn block(name: &str, scope: Scope) -> PyResult<Block> {
+    let (block, estimated) = match name {
+        "pose" => (Block::Pose, true),
+        "modes" => (Block::Modes, scope.modes),
+        "free_form" => (Block::FreeForm, scope.free_form),
+        "velocity" => (Block::Velocity, scope.velocity),
+        _ => {
+            let expected = "expected pose, modes, free_form or velocity";
+            return Err(PyValueError::new_err(format!("no block of parameters is called {name:?}: {expected}")));
+        }
+    };
+    if !estimated {
+        return Err(PyValueError::new_err(format!("{name} is not estimated, so it has no covariance")));
+    }
+    Ok(block)
 }
 
 fn core_views<'a>(views: &'a [Bound<View>]) -> Vec<&'a CoreView> {

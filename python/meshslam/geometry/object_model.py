@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from meshslam.geometry.pose import Pose
 
 View = _core.View
 
+Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
+
 
 @dataclass(frozen=True)
 class NoiseModel:
@@ -25,7 +28,7 @@ class NoiseModel:
     border_kernel: float = 3.0  # Huber's threshold, in sigmas
     surface_sigma_m: float = 0.025  # of the true surface about the best mesh; what masks show of it, they show alike
     border_cap_px: float = 60.0  # residuals are cut here
-    outline_step_px: float = 2.0  # spacing of the outline's samples
+    outline_step_px: float = 6.0  # spacing of the outline's samples
     keypoint_position_sigma_m: float = 0.10  # the category's key points against the instance's
     keypoint_kernel: float = 3.0  # Geman and McClure's threshold, in sigmas
     free_form_sigma_m: float = 0.10  # of a vertex's free displacement
@@ -273,6 +276,37 @@ class ObjectModel:
                 floats(state.d),
                 floats(state.velocity),
                 per_vertex,
+            )
+
+    def covariance(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        blocks: Sequence[Block],
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+    ) -> Floats:
+        """Joint covariance (n, n) of blocks of parameters in the order named, the inverse of the normal matrix there.
+
+        Pose is a right perturbation of world_from_object at its origin (translation m, rotation rad); modes are in
+        standard deviations, free form in metres, velocity in m/s. GeometryError where nothing holds a parameter, or for
+        a block that is not estimated.
+        """
+        with geometry_errors():
+            return self._template.covariance(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                list(blocks),
             )
 
     def square_root(

@@ -48,7 +48,7 @@ class MappingConfig:
     start_views: int = 4  # of these, for the search of the start
     view_min_box_px: float = 24.0
     # masks
-    border_step_px: float = 3.0  # spacing of border points
+    border_step_px: float = 6.0  # spacing of border points; their errors are correlated over some 25
     edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
     occluder_margin_px: int = 3  # nor one this near to an occluder
     crop_margin: float = 0.5  # of the box's size, around it
