@@ -119,6 +119,7 @@ class Template:
         d: _Floats,
         velocity: _Floats,
         max_iterations: int,
+        least_decrease: float,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
     def time(
         self,

@@ -1,5 +1,7 @@
 //! `template`, `view` and `object` of the core.
 
+use std::sync::Arc;
+
 use meshslam_core::factor;
 use meshslam_core::object::{self, Block, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
@@ -170,6 +172,7 @@ impl Template {
         d: Floats1,
         velocity: Floats1,
         max_iterations: usize,
+        least_decrease: f64,
     ) -> PyResult<(
         Bound<'py, PyArray2<f64>>,
         Bound<'py, PyArray1<f64>>,
@@ -184,7 +187,7 @@ impl Template {
             (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
         let (scope, options) = (
             Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 },
-            Options { max_iterations, ..Options::default() },
+            Options { max_iterations, absolute_decrease: least_decrease, ..Options::default() },
         );
         let estimate = py
             .detach(|| object::refine(&self.inner, &views, ground, model, scope, state, &options))
@@ -358,9 +361,9 @@ impl Template {
         let vertices = points("vertices", &vertices)?;
         check_shape("vertices", &[vertices.len()], &[Some(self.inner.mean.len())])?;
         let poses = world_from_object.iter().map(|m| pose("world_from_object", m)).collect::<PyResult<Vec<_>>>()?;
-        let faces = &self.inner.topology.faces;
+        let topology = &self.inner.topology;
         let rows: Vec<Vec<f64>> = py.detach(|| {
-            poses.iter().map(|p| views.iter().map(|v| object::mask_iou(v, p, &vertices, faces)).collect()).collect()
+            poses.iter().map(|p| views.iter().map(|v| object::mask_iou(v, p, &vertices, topology)).collect()).collect()
         });
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
@@ -435,10 +438,11 @@ impl View {
             world_from_camera: pose("world_from_camera", &world_from_camera)?,
             time_s,
             crop: Rect { x0: origin.0, y0: origin.1, width, height },
-            distance_px: distance_px.as_array().iter().copied().collect(),
-            cut: cut.as_array().iter().copied().collect(),
-            hidden: hidden.as_array().iter().copied().collect(),
+            distance_px: picture(&distance_px),
+            cut: picture(&cut),
+            hidden: picture(&hidden),
             border,
+            area_px: 0,
             border_length_px: 0.0,
             surface_sigma_px: 0.0,
             keypoints,
@@ -452,6 +456,14 @@ impl View {
             return Err(PyValueError::new_err(format!("a surface's sigma must not be negative, found {sigma_px}")));
         }
         Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
+    }
+}
+
+/// Pixels row by row.
+fn picture<T: numpy::Element + Copy>(pixels: &PyReadonlyArray2<T>) -> Arc<[T]> {
+    match pixels.as_slice() {
+        Ok(contiguous) => contiguous.into(),
+        Err(_) => pixels.as_array().iter().copied().collect(),
     }
 }
 

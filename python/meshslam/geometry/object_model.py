@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from meshslam import _core
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry.arrays import Bools, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.native import floats, geometry_errors, ints
 from meshslam.geometry.pose import Pose
@@ -158,7 +158,7 @@ class ObjectModel:
         *,
         time_s: float = 0.0,
         origin: tuple[int, int],
-        distance_px: Floats,
+        distance_px: Floats | Singles,
         cut: Bools,
         hidden: Bools,
         border: Floats,
@@ -203,10 +203,12 @@ class ObjectModel:
         free_form: bool,
         velocity: bool = False,
         max_iterations: int = 30,
+        least_decrease: float = 0.1,
     ) -> Refined:
         """Lower the cost over the pose, and over modes, free-form shape and velocity if asked, by Levenberg-Marquardt.
 
-        A step is taken only if the true cost falls; the result is the best state seen, converged or not.
+        A step is taken only if the true cost falls; the result is the best state seen, converged or not. It ends when a
+        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`.
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
@@ -219,6 +221,7 @@ class ObjectModel:
                 floats(state.d),
                 floats(state.velocity),
                 max_iterations,
+                least_decrease,
             )
         iterations = tuple(Iteration(*row) for row in rows)
         return Refined(ObjectState(Pose.from_matrix(pose), z, d, v), cost, stop, iterations)

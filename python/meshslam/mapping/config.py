@@ -64,6 +64,9 @@ class MappingConfig:
     # the search of the start
     start_yaws: int = 16
     start_candidates: int = 4
+    start_overlap: float = 0.7  # mask IoU of a start from key points that makes the search of headings needless
+    start_margin: float = 50.0  # cost by which the mean mesh may fit worse than at the best start,
+    start_margin_share: float = 1.0  # and this share of the best more: the noise is not known yet
     # objects that move, and one object seen as two
     max_speed_m_s: float = 1.5
     motion_gain: float = 25.0  # by which the cost must fall with the motion

@@ -149,7 +149,7 @@ fn the_solver_descends_to_where_it_stays<P: Problem>(problem: &mut P, state: &P:
 pub fn check_descent(report: &Report) {
     for (k, iteration) in report.iterations.iter().enumerate() {
         let last = k + 1 == report.iterations.len();
-        assert!(iteration.new_cost < iteration.cost || (last && report.stop == Stop::NoDescent));
+        assert!(iteration.new_cost < iteration.cost || (last && report.stop != Stop::IterationLimit));
         assert!(iteration.new_cost <= iteration.cost);
     }
     let rounding = 1e-12 * (1.0 + report.cost);
