@@ -81,7 +81,7 @@ class Slam:
             extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
         )
         self._preintegrator = Preintegrator(imu)
-        lag = replace(self.config.smoother, lag_s=self.slam.lag_s, settled_frames=self.slam.settled_frames)
+        lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
         self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
