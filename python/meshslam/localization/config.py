@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from meshslam.geometry import NoiseModel
+from meshslam.localization.alignment import AlignmentConfig
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,14 @@ class StartConfig:
     """How well the first state is known."""
 
     position_sigma_m: float = 0.02
-    rotation_sigma_deg: float = 0.1
+    rotation_sigma_deg: float = 0.1  # roll and pitch
+    heading_sigma_deg: float = 0.1
     velocity_sigma_m_s: float = 0.03
+    # without initial_state.yaml
+    unknown_tilt_sigma_deg: float = 3.0
+    unknown_velocity_sigma_m_s: float = 3.0
+    settling_s: float = 3.0  # run again and again from the state that they end up with
+    settling_rounds: int = 4  # at most
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,7 @@ class LocalizationConfig:
     solver: Literal["smoother", "gradient"] = "smoother"  # gradient: the paper's, pose by pose
     imu: ImuConfig = field(default_factory=ImuConfig)
     start: StartConfig = field(default_factory=StartConfig)
+    alignment: AlignmentConfig = field(default_factory=AlignmentConfig)  # of a start that is not given
     association: AssociationConfig = field(default_factory=AssociationConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     noise: NoiseModel = field(default_factory=NoiseModel)

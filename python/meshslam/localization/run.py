@@ -16,6 +16,7 @@ from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.slam import Slam
+from meshslam.localization.start import found_start
 from meshslam.mapping import MappingConfig, category_model
 from meshslam.maps import Map
 from meshslam.perception import DetectionSet
@@ -120,12 +121,19 @@ def slam_path(
 ) -> SlamPath:
     """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
     imu, imu_from_camera = check_imu(sequence, config.imu)
-    start, mounting = start_state(sequence, imu, imu_from_camera), Mounting(imu_from_camera)
-    names, by_frame = detections.keypoint_names(category.name), detections.by_frame()
-    height = sequence.height_above_ground_m
-    system = Slam(sequence.camera, category, category_model(category), names, mounting, height, config, slam, mapping)
-    filtered = []
-    gaps = 0
+    mounting, by_frame = Mounting(imu_from_camera), detections.by_frame()
+
+    def fresh(settings: LocalizationConfig) -> Slam:
+        names, height = detections.keypoint_names(category.name), sequence.height_above_ground_m
+        model = category_model(category)
+        return Slam(sequence.camera, category, model, names, mounting, height, settings, slam, mapping)
+
+    if sequence.initial_state is None:
+        heights = {category.name: category.dimensions[2]}
+        start, config = found_start(sequence, imu, detections, heights, fresh, config, progress)
+    else:
+        start = start_state(sequence, imu, imu_from_camera)
+    system, filtered, gaps = fresh(config), [], 0
     for index, frame in enumerate(sequence.frame_ids):
         found = by_frame.get(frame, ())
         if index == 0:

@@ -100,6 +100,10 @@ class Slam:
         self._smoother.advance(predict(self._state, interval, time_s), interval)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
+    def first_state(self) -> NavState:
+        """The first frame's state as it is now seen, while the lag still holds it."""
+        return self._smoother.estimate(0).state
+
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self._frame_ids.append(frame)
         self._times.append(time_s)

@@ -76,6 +76,15 @@ class SmootherBelief:
             raise MapError(f"a saved system lacks {error}") from None
 
 
+def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
+    """Covariance (6, 6) of the first pose, right perturbation, (translation, rotation)."""
+    tilt, heading = np.radians([start.rotation_sigma_deg, start.heading_sigma_deg])
+    turn = world_from_imu.rotation
+    out = start.position_sigma_m**2 * np.eye(6)
+    out[3:, 3:] = turn.T @ np.diag(np.square([tilt, tilt, heading])) @ turn
+    return out
+
+
 class Smoother:
     """States of the last seconds; frames are numbered from 0 in the order in which they come."""
 
@@ -93,9 +102,8 @@ class Smoother:
         """The first frame: its state and the mounting, each with its prior."""
         self.frame = 0
         self._insert(0, state, rate_rad_s)
-        rotation, position = np.radians(self._start.rotation_sigma_deg), self._start.position_sigma_m
         noise, window = gtsam.noiseModel, self.window
-        pose_noise = noise.Diagonal.Sigmas(np.array([rotation] * 3 + [position] * 3))
+        pose_noise = noise.Gaussian.Covariance(to_gtsam_covariance(start_covariance(self._start, state.world_from_imu)))
         window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
         velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
         window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
