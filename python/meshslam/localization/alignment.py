@@ -1,8 +1,9 @@
 """Where motion starts when nobody says: gravity, velocity and scale from IMU samples and the boxes of tracked objects.
 
-Rotations come from the gyroscope. In the first IMU's frame the camera of frame k stands at v t + g t^2 / 2 + s_k, where s_k
-is the specific force integrated twice; an object's box gives the direction to its centre, and its height the depth up to
-the object's own size. All of this is linear in v, g, the objects' places and their sizes (compare Qin and Shen 2018).
+Rotations come from the gyroscope. In the first IMU's frame the camera of frame k stands at v t + g t^2 / 2 + s_k, where
+s_k is the specific force integrated twice; an object's box gives the direction to its centre, and its height the depth
+up to the object's own size. All of this is linear in v, g, the objects' places and their sizes (compare Qin and Shen
+2018).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Camera, Pose
+from meshslam.geometry import Camera
 from meshslam.geometry.arrays import Floats
 
 _KERNELS = np.array([8.0, 4.0, 2.0, 1.4, 1.0, 1.0, 1.0, 1.0])  # graduated: all objects count at first
@@ -94,7 +95,9 @@ def align(
     for kernel in config.kernel * _KERNELS:
         rows = _Rows(size)
         rows.add({0: speed * np.eye(3)}, np.zeros(3))
-        rows.add({3: np.eye(3) / (gravity_m_s2 * config.tilt_sigma_rad)}, prior / (gravity_m_s2 * config.tilt_sigma_rad))
+        rows.add(
+            {3: np.eye(3) / (gravity_m_s2 * config.tilt_sigma_rad)}, prior / (gravity_m_s2 * config.tilt_sigma_rad)
+        )
         rows.add({3: 100.0 * down[None]}, np.array([100.0 * gravity_m_s2]))  # its length is known
         if height_above_ground_m is not None:
             for columns, right in _road_vehicle_rows(motions, gravity_m_s2, config):
@@ -173,7 +176,7 @@ def _sight_rows(
 def _road_vehicle_rows(
     motions: Sequence[CameraMotion], gravity_m_s2: float, config: AlignmentConfig
 ) -> list[tuple[dict[int, Floats], Floats]]:
-    """A car moves along its camera's axis, neither aside nor up, hardly faster or slower, on a road that is hardly steep."""
+    """A car moves along its camera's axis, neither aside nor up, at an even speed, on a road that is hardly steep."""
     slip, out = config.slip_sigma_m_s * float(np.sqrt(len(motions))), []
     for motion in motions:
         across = motion.rotation.T[:2] / slip

@@ -15,6 +15,7 @@ from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.relocalize import start_in_map
 from meshslam.localization.slam import Slam
 from meshslam.localization.start import found_start
 from meshslam.mapping import MappingConfig, category_model
@@ -45,11 +46,21 @@ def localize(
 ) -> Localization:
     """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
     imu, imu_from_camera = check_imu(sequence, config.imu)
-    start = start_state(sequence, imu, imu_from_camera)
-    mounting = Mounting(imu_from_camera)
+    mounting, objects = Mounting(imu_from_camera), known_objects(scene)
     names = {c.name: c.keypoints for c in detections.categories}
-    kind = GradientLocalizer if config.solver == "gradient" else Localizer
-    localizer = kind(sequence.camera, known_objects(scene), mounting, names, config)
+
+    def fresh(settings: LocalizationConfig) -> Localizer:
+        return Localizer(sequence.camera, objects, mounting, names, settings)
+
+    if sequence.initial_state is None and sequence.world_from_camera is None:
+        start, config = start_in_map(sequence, imu, detections, objects, fresh, config, progress)
+    else:
+        start = start_state(sequence, imu, imu_from_camera)
+    localizer = (
+        GradientLocalizer(sequence.camera, objects, mounting, names, config)
+        if config.solver == "gradient"
+        else fresh(config)
+    )
     by_frame = detections.by_frame()
     reports: list[FrameReport] = []
     for index, frame in enumerate(sequence.frame_ids):
@@ -130,7 +141,7 @@ def slam_path(
 
     if sequence.initial_state is None:
         heights = {category.name: category.dimensions[2]}
-        start, config = found_start(sequence, imu, detections, heights, fresh, config, progress)
+        start, config = found_start(sequence, imu, detections, heights, fresh, config, slam.lag_s, progress)
     else:
         start = start_state(sequence, imu, imu_from_camera)
     system, filtered, gaps = fresh(config), [], 0

@@ -1,4 +1,4 @@
-"""How a run starts when no state is given: a rough alignment, then the first seconds again and again until it settles."""
+"""How a run starts without a given state: a rough alignment, then the first seconds again until they settle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from meshslam.geometry import Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.alignment import Alignment, AlignmentConfig, BoxSight, CameraMotion, align, levelled
 from meshslam.localization.config import ImuConfig, LocalizationConfig
-from meshslam.localization.imu import NavState, Preintegrator, rate_at
+from meshslam.localization.imu import NavState, Preintegrator
 from meshslam.mapping.track import is_cut
 from meshslam.perception import Detection, DetectionSet
 from meshslam.sequences import ImuSamples, Sequence
@@ -155,11 +155,16 @@ def settled(
     first: NavState,
     fresh: Callable[[LocalizationConfig], Estimator],
     config: LocalizationConfig,
+    lag_s: float,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> NavState:
-    """Run the first seconds from a state, take the state that they end up with, and run them again from there."""
+    """Run the first seconds from a state, take the state that they end up with, and run them again from there.
+
+    Within `lag_s` the estimator still holds its first state.
+    """
+    seconds = min(config.start.settling_s, 0.9 * lag_s)
     state, rounds = first, config.start.settling_rounds
-    by_frame, frames = detections.by_frame(), frames_within(sequence, config.start.settling_s)
+    by_frame, frames = detections.by_frame(), frames_within(sequence, seconds)
     for k in range(rounds):
         estimator = fresh(config)
         for index, frame in enumerate(sequence.frame_ids[:frames]):
@@ -184,6 +189,7 @@ def found_start(
     heights_m: dict[str, float],
     fresh: Callable[[LocalizationConfig], Estimator],
     config: LocalizationConfig,
+    lag_s: float,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[NavState, LocalizationConfig]:
     """The first state in a levelled world whose origin is the first camera, and the settings to begin with it."""
@@ -191,4 +197,4 @@ def found_start(
     sized = [(d, heights_m[d.category]) for d in detections.detections if d.category in heights_m]
     rough = rough_start(sequence, imu, sequence.imu_from_camera, sized, config.imu, config.alignment)
     free = loose(config)
-    return settled(sequence, imu, detections, rough.state, fresh, free, progress), free
+    return settled(sequence, imu, detections, rough.state, fresh, free, lag_s, progress), free
