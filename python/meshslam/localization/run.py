@@ -10,6 +10,7 @@ import numpy as np
 from meshslam.categories import Category
 from meshslam.geometry import Pose, log_so3
 from meshslam.localization.config import LocalizationConfig, SlamConfig
+from meshslam.localization.gauge import level_from_world, moved_map, moved_path, moved_sequence, world_from_free
 from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
@@ -46,7 +47,9 @@ def localize(
 ) -> Localization:
     """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
     imu, imu_from_camera = check_imu(sequence, config.imu)
-    mounting, objects = Mounting(imu_from_camera), known_objects(scene)
+    level = level_from_world(sequence, imu, imu_from_camera)
+    sequence, objects = moved_sequence(sequence, level), known_objects(moved_map(scene, level))
+    mounting, back = Mounting(imu_from_camera), level.inverse()
     names = {c.name: c.keypoints for c in detections.categories}
 
     def fresh(settings: LocalizationConfig) -> Localizer:
@@ -75,18 +78,20 @@ def localize(
     for report in reports:
         ids.update(report.object_of_detection)
     return Localization(
-        tuple(localizer.path[frame] for frame in sequence.frame_ids),
-        tuple(report.corrected for report in reports),
-        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
+        moved_path(tuple(localizer.path[frame] for frame in sequence.frame_ids), back),
+        moved_path(tuple(report.corrected for report in reports), back),
+        moved_path(inertial_path(imu, sequence.times_s, start, mounting, config.imu), back),
         detections.with_tracks(ids),
         dict(localizer.moved),
         _figures(localizer, reports, imu_from_camera),
-        _iterations(localizer) if isinstance(localizer, GradientLocalizer) else (),
+        tuple(moved_path(path, back) for path in _iterations(localizer)),
     )
 
 
-def _iterations(localizer: GradientLocalizer) -> tuple[tuple[Pose, ...], ...]:
-    """The path after 0, 1, ... iterations of every frame; a frame that has converged stays."""
+def _iterations(localizer: GradientLocalizer | Localizer) -> tuple[tuple[Pose, ...], ...]:
+    """The path after 0, 1, ... iterations of every frame; a frame that has converged stays. Of the gradient solver."""
+    if isinstance(localizer, Localizer):
+        return ()
     most = max(len(steps) for steps in localizer.steps.values())
     frames = [localizer.steps[frame] for frame in localizer.path]
     return tuple(tuple(steps[min(k, len(steps) - 1)] for steps in frames) for k in range(most))
@@ -160,9 +165,7 @@ def slam_path(
         "tracks_moving": len(system.moving),
         "frames_with_imu_gap": gaps,
     }
-    return SlamPath(
-        tuple(system.path[frame] for frame in sequence.frame_ids),
-        tuple(filtered),
-        inertial_path(imu, sequence.times_s, start, mounting, config.imu),
-        figures,
-    )
+    path = tuple(system.path[frame] for frame in sequence.frame_ids)
+    inertial = inertial_path(imu, sequence.times_s, start, mounting, config.imu)
+    world = Pose.identity() if sequence.initial_state is not None else world_from_free(sequence, path[0])
+    return SlamPath(moved_path(path, world), moved_path(tuple(filtered), world), moved_path(inertial, world), figures)
