@@ -7,6 +7,8 @@ from typing import Literal
 
 from meshslam.geometry import NoiseModel
 from meshslam.localization.alignment import AlignmentConfig
+from meshslam.localization.point_tracks import PointConfig
+from meshslam.localization.road_speed import RoadConfig
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,8 @@ class SlamConfig:
     # without a map these are seen in turns only; looser, systematic errors of shapes move them
     time_offset_sigma_s: float = 0.005
     extrinsic_rotation_sigma_deg: float = 0.3
+    points: PointConfig = field(default_factory=PointConfig)  # corners, where there are images
+    road: RoadConfig = field(default_factory=RoadConfig)  # its texture as a measure of length
 
 
 @dataclass(frozen=True)

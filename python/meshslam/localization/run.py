@@ -16,6 +16,7 @@ from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.pictures import pictures_of
 from meshslam.localization.relocalize import start_in_map
 from meshslam.localization.slam import Slam
 from meshslam.localization.start import found_start
@@ -138,11 +139,14 @@ def slam_path(
     """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
     imu, imu_from_camera = check_imu(sequence, config.imu)
     mounting, by_frame = Mounting(imu_from_camera), detections.by_frame()
+    pictures = pictures_of(sequence, detections, slam.points)
 
     def fresh(settings: LocalizationConfig) -> Slam:
         names, height = detections.keypoint_names(category.name), sequence.height_above_ground_m
         model = category_model(category)
-        return Slam(sequence.camera, category, model, names, mounting, height, settings, slam, mapping)
+        return Slam(
+            sequence.camera, category, model, names, mounting, height, settings, slam, mapping, pictures=pictures
+        )
 
     if sequence.initial_state is None:
         heights = {category.name: category.dimensions[2]}

@@ -13,6 +13,8 @@ from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
+from meshslam.localization.pictures import Pictures
+from meshslam.localization.road_odometry import RoadOdometry
 from meshslam.localization.smoother import Smoother
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
@@ -70,6 +72,7 @@ class Slam:
     path: dict[int, Pose] = field(default_factory=dict)
     objects: dict[int, tuple[Pose, Floats]] = field(default_factory=dict)  # pose and modes, as last seen
     moving: set[int] = field(default_factory=set)
+    pictures: Pictures | None = None  # where there are images
 
     def __post_init__(self) -> None:
         imu = replace(
@@ -84,6 +87,8 @@ class Slam:
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
         ]
+        height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
+        self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
         self._candidates: dict[int, Candidate] = {}
         self._frame_ids: list[int] = []
         self._times: list[float] = []
@@ -98,6 +103,8 @@ class Slam:
         """The next frame, `imu` holding the samples since the last one."""
         interval = self._preintegrator.between(imu, self._state.time_s, time_s, self._state)
         self._smoother.advance(predict(self._state, interval, time_s), interval)
+        if self.pictures is not None and self.slam.points.enabled:
+            self._smoother.follow_points(self.pictures.block(self._smoother.frame), self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
     def first_state(self) -> NavState:
@@ -121,6 +128,8 @@ class Slam:
         self._refuse(added)
         for number in [n for n in self._candidates if self._ready(n)]:
             self._start(number)
+        if self._road is not None and self.pictures is not None:
+            self._road.step(self._smoother, self.pictures)
         self._remember()
         self._smoother.close()
         return SlamReport(frame, self.path[frame], tuple(sorted(added)), has_gap)

@@ -10,12 +10,15 @@ import numpy as np
 from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
 
 from meshslam.errors import MapError
-from meshslam.geometry import Pose
+from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState
+from meshslam.localization.point_factor import point_factor
+from meshslam.localization.point_tracks import PointBlock, PointConfig
+from meshslam.localization.way_factor import way_factor
 from meshslam.localization.window import Entry, Window
 
 ROTATION, OFFSET = E(0), T(0)
@@ -35,6 +38,13 @@ class ViewTag:
 
     number: int
     frame: int
+
+
+@dataclass(frozen=True)
+class PointTag:
+    """A factor of the corners of a block of frames."""
+
+    first: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +179,18 @@ class Smoother:
 
         self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
 
+    def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
+        """Corners of a block of frames; what was said of the open block before is replaced."""
+        self.window.drop([e for e in self.window.entries if e.tag == PointTag(block.first)])
+        if block.tracks and block.first in self._times:
+            keys = {f: self._camera_keys(f) for f in self._times}
+            self.window.add(point_factor(block, keys, self._memos, camera, config), PointTag(block.first))
+
+    def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
+        """The camera came so far from one frame to another, both of which are held."""
+        keys = [self._camera_keys(first)[0], self._camera_keys(second)[0]]
+        self.window.add(way_factor(keys, self._arm, way_m, sigma_m))
+
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
         values = self.window.values
@@ -187,6 +209,8 @@ class Smoother:
         """Solve; states older than the lag become a prior."""
         self.window.optimize(self._lag.iterations)
         self.window.settle([e for e, tag in self._views() if tag.frame <= self.frame - self._lag.settled_frames])
+        old = self.frame - self._lag.settled_frames
+        self.window.settle([e for e in self.window.entries if isinstance(e.tag, PointTag) and e.tag.first < old])
 
     def close(self) -> None:
         """Let states older than the lag, and objects that only they saw, become a prior."""

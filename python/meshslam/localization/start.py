@@ -168,12 +168,14 @@ def settled(
     for k in range(rounds):
         estimator = fresh(config)
         for index, frame in enumerate(sequence.frame_ids[:frames]):
-            found = by_frame.get(frame, ())
+            seen = by_frame.get(frame, ())
             if index == 0:
-                estimator.begin(frame, state, imu, found)
+                estimator.begin(frame, state, imu, seen)
             else:
-                estimator.process(frame, float(sequence.times_s[index]), imu, found)
-        before, state = state, estimator.first_state()
+                estimator.process(frame, float(sequence.times_s[index]), imu, seen)
+        # biases begin anew: their prior would count twice, and they would run away from round to round
+        before, found = state, estimator.first_state()
+        state = replace(found, accelerometer_bias=first.accelerometer_bias, gyroscope_bias=first.gyroscope_bias)
         if progress is not None:
             progress("start", k + 1, rounds)
         moved = float(np.linalg.norm(state.velocity_in_world - before.velocity_in_world))
