@@ -40,7 +40,8 @@ class StartConfig:
     velocity_sigma_m_s: float = 0.03
     # without initial_state.yaml
     unknown_tilt_sigma_deg: float = 3.0
-    unknown_velocity_sigma_m_s: float = 3.0
+    unknown_velocity_sigma_m_s: float = 0.5
+    unknown_velocity_share: float = 0.12  # and so much of the speed
     settling_s: float = 3.0  # run again and again from the state that they end up with
     settling_rounds: int = 4  # at most
 

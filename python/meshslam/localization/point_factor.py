@@ -18,62 +18,71 @@ from meshslam.localization.factors import CameraKeys, CameraMemo
 from meshslam.localization.gtsam_bridge import to_gtsam_columns
 from meshslam.localization.point_tracks import PointBlock, PointConfig
 
-_NEAREST_M, _FARTHEST_M = 1.0, 200.0
+_NEAREST_WAYS, _FARTHEST_WAYS = 0.05, 400.0  # depths of points, in lengths of the way that the cameras came
+_DAMPING = 1e-9
 _STEPS = 3  # of Gauss and Newton, after the midpoint of the rays
 
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """Rows over (translation, rotation) of each camera, whitened, points projected out, weighted; and the true cost."""
+    """Normal equations over (translation, rotation) of each camera, points projected out and weighted; the true cost."""
 
-    jacobian: Floats  # (r, 6 m)
-    residual: Floats  # (r,)
+    hessian: Floats  # (6 m, 6 m)
+    gradient: Floats  # (6 m,)
     cost: float
 
 
 def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tuple[Floats, Bools]:
-    """Points (n, 3) in the world from pixels (n, m, 2), and which of them have a depth.
+    """Points (n, 3) in the world from pixels (n, m, 2), and which of them are at a finite distance.
 
-    The others are put far away on their first ray: they still tell how the camera turns.
+    Of the others, whose rays hardly part or do not meet, the direction in the world is given. The limit goes with the
+    cameras' way, so that it prefers no scale.
     """
     rotations, eyes = _stacked(cameras)
     rays = camera.rays(pixels)
     toward = np.einsum("mij,nmj->nmi", rotations, rays / np.linalg.norm(rays, axis=2, keepdims=True))
     across = np.eye(3) - toward[..., :, None] * toward[..., None, :]
-    normal = across.sum(1) + 1e-12 * np.eye(3)
-    points: Floats = np.linalg.solve(normal, (across @ eyes[None, :, :, None]).sum(1))[..., 0]
+    way = max(float(np.linalg.norm(eyes - eyes[0], axis=1).max()), 1e-6)
+    normal = across.sum(1) + _DAMPING * np.eye(3)
+    points: Floats = np.linalg.solve(normal, (across @ (eyes - eyes[0])[None, :, :, None]).sum(1))[..., 0] + eyes[0]
     for _ in range(_STEPS):
-        seen = _in_cameras(points, rotations, eyes)
+        seen = _in_cameras(points, rotations, eyes[None])
         by_point = _projection(seen, camera) @ rotations.transpose(0, 2, 1)[None]
         gap = camera.project(_before(seen)) - pixels
-        hessian = np.einsum("nmki,nmkj->nij", by_point, by_point) + 1e-9 * np.eye(3)
+        hessian = np.einsum("nmki,nmkj->nij", by_point, by_point)
+        hessian += _DAMPING * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         points = points - np.linalg.solve(hessian, np.einsum("nmki,nmk->ni", by_point, gap)[..., None])[..., 0]
-    depth = _in_cameras(points, rotations, eyes)[..., 2]
-    sound = np.asarray(((depth > _NEAREST_M) & (depth < _FARTHEST_M)).all(1), bool)
-    return np.where(sound[:, None], points, eyes[0] + _FARTHEST_M * toward[:, 0]), sound
+    depth = _in_cameras(points, rotations, eyes[None])[..., 2]
+    finite = np.asarray(((depth > _NEAREST_WAYS * way) & (depth < _FARTHEST_WAYS * way)).all(1), bool)
+    return np.where(finite[:, None], points, toward.mean(1)), finite
 
 
 def linearize(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> Linearized:
     """Tracks (n, m, 2) of m cameras, each with Geman and McClure's weight."""
     rotations, eyes = _stacked(cameras)
-    points, _ = triangulate(pixels, cameras, camera)
+    points, finite = triangulate(pixels, cameras, camera)
     count, length = pixels.shape[:2]
-    seen = _in_cameras(points, rotations, eyes)
+    seen = _in_cameras(points, rotations, finite[:, None, None] * eyes)
     by_seen = _projection(seen, camera) / config.sigma_px
     residual = ((camera.project(_before(seen)) - pixels) / config.sigma_px).reshape(count, -1)
     by_point = (by_seen @ rotations.transpose(0, 2, 1)[None]).reshape(count, -1, 3)
     by_camera = np.zeros((count, length, 2, length, 6))
     index = np.arange(length)
-    moved = np.concatenate([np.broadcast_to(-np.eye(3), (*seen.shape, 3)), _hats(seen)], axis=3)
+    shifted = np.broadcast_to(-np.eye(3) * finite[:, None, None, None], (*seen.shape, 3))
+    moved = np.concatenate([shifted, _hats(seen)], axis=3)
     by_camera[:, index, :, index] = (by_seen @ moved).transpose(1, 0, 2, 3)
     rows = by_camera.reshape(count, 2 * length, 6 * length)
-    basis = np.linalg.qr(by_point, mode="complete").Q[:, :, 3:].transpose(0, 2, 1)
-    left, right = basis @ rows, (basis @ residual[..., None])[..., 0]
-    freedom = right.shape[1]
+    # I - F (F^T F)^-1 F^T takes away what a move of the point explains
+    across = by_point.transpose(0, 2, 1)
+    normal = across @ by_point
+    normal += _DAMPING * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    left = rows - by_point @ np.linalg.solve(normal, across @ rows)
+    right = residual - (by_point @ np.linalg.solve(normal, across @ residual[..., None]))[..., 0]
     squared = (right**2).sum(1)
-    soft = 1.0 + squared / (freedom * config.kernel**2)
-    cost = 0.5 * float((squared / soft).sum())
-    return Linearized((left / soft[:, None, None]).reshape(-1, 6 * length), (right / soft[:, None]).ravel(), cost)
+    soft = 1.0 + squared / ((2 * length - 3) * config.kernel**2)
+    cost, left, right = 0.5 * float((squared / soft).sum()), left / soft[:, None, None], right / soft[:, None]
+    across = left.transpose(0, 2, 1)
+    return Linearized((across @ left).sum(0), (across @ right[..., None]).sum(0)[:, 0], cost)
 
 
 def point_factor(
@@ -97,8 +106,12 @@ def point_factor(
         cost = sum(part.cost for part in parts)
         if jacobians is None:
             return np.append(np.zeros(rows - 1), np.sqrt(2 * cost))
-        wide = [np.pad(part.jacobian, ((0, 0), (0, rows - 1 - part.jacobian.shape[1]))) for part in parts]
-        by_cameras, residual = square_root(np.concatenate(wide), np.concatenate([p.residual for p in parts]), cost)
+        hessian, gradient = np.zeros((rows - 1, rows - 1)), np.zeros(rows - 1)
+        for part in parts:
+            size = len(part.gradient)
+            hessian[:size, :size] += part.hessian
+            gradient[:size] += part.gradient
+        by_cameras, residual = square_root(hessian, gradient, cost)
         by_rotation, by_offset = np.zeros((rows, 3)), np.zeros((rows, 1))
         for i, place in enumerate(places):
             by_camera = by_cameras[:, 6 * i : 6 * i + 6]
@@ -111,17 +124,18 @@ def point_factor(
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(rows), keys, error)
 
 
-def square_root(jacobian: Floats, residual: Floats, cost: float) -> tuple[Floats, Floats]:
-    """At most columns + 1 rows with the same normal equations, whose half squared residual is the true cost."""
-    columns = jacobian.shape[1]
-    both = np.concatenate([jacobian, residual[:, None]], axis=1)
-    upper = np.linalg.qr(both, mode="r") if len(both) > columns + 1 else both
-    rows = np.zeros((columns + 1, columns + 1))
-    rows[: min(len(upper), columns + 1)] = upper[: columns + 1]
-    head = rows[:-1, -1]
-    rows[-1, :-1] = 0.0
-    rows[-1, -1] = np.sqrt(max(0.0, 2.0 * cost - float(head @ head)))
-    return rows[:, :-1], rows[:, -1]
+def square_root(hessian: Floats, gradient: Floats, cost: float) -> tuple[Floats, Floats]:
+    """Rows (columns + 1, columns) and residual with these normal equations, half its square being the true cost.
+
+    Places and scale of all cameras together are free: these directions get no rows.
+    """
+    values, vectors = np.linalg.eigh(hessian)
+    told = values > _DAMPING * values[-1]
+    root = np.where(told, np.sqrt(np.maximum(values, 0.0)), 0.0)
+    residual = np.where(told, vectors.T @ gradient / np.where(told, root, 1.0), 0.0)
+    rest = np.sqrt(max(0.0, 2.0 * cost - float(residual @ residual)))
+    rows = np.concatenate([root[:, None] * vectors.T, np.zeros((1, len(gradient)))])
+    return rows, np.append(residual, rest)
 
 
 def _stacked(cameras: Sequence[Pose]) -> tuple[Floats, Floats]:
@@ -129,7 +143,7 @@ def _stacked(cameras: Sequence[Pose]) -> tuple[Floats, Floats]:
 
 
 def _in_cameras(points: Floats, rotations: Floats, eyes: Floats) -> Floats:
-    seen: Floats = np.einsum("mji,nmj->nmi", rotations, points[:, None] - eyes[None])
+    seen: Floats = np.einsum("mji,nmj->nmi", rotations, points[:, None] - eyes)
     return seen
 
 

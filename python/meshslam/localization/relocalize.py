@@ -79,7 +79,7 @@ def start_in_map(
         world_from_imu=found @ rough.state.world_from_imu,
         velocity_in_world=found.rotation @ rough.state.velocity_in_world,
     )
-    free = loose(config)
+    free = loose(config, float(np.linalg.norm(state.velocity_in_world)))
     start = replace(free.start, position_sigma_m=_PLACE_SIGMA_M, heading_sigma_deg=free.start.rotation_sigma_deg)
     free = replace(free, start=start)
     return settled(sequence, imu, detections, state, fresh, free, config.smoother.lag_s, progress), free

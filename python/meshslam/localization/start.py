@@ -34,14 +34,12 @@ class RoughStart:
     places_m: dict[int, Floats]  # of each track's object, in the levelled world
 
 
-def loose(config: LocalizationConfig) -> LocalizationConfig:
-    """The settings for a start that only the data fix: velocity, roll and pitch are free, place and heading are not."""
-    start = replace(
-        config.start,
-        rotation_sigma_deg=config.start.unknown_tilt_sigma_deg,
-        velocity_sigma_m_s=config.start.unknown_velocity_sigma_m_s,
-    )
-    return replace(config, start=start)
+def loose(config: LocalizationConfig, speed_m_s: float) -> LocalizationConfig:
+    """The settings for a start that is roughly known: velocity, roll and pitch are loose, place and heading are not."""
+    start = config.start
+    velocity_sigma = float(np.hypot(start.unknown_velocity_sigma_m_s, start.unknown_velocity_share * speed_m_s))
+    tilt = start.unknown_tilt_sigma_deg
+    return replace(config, start=replace(start, rotation_sigma_deg=tilt, velocity_sigma_m_s=velocity_sigma))
 
 
 def frames_within(sequence: Sequence, seconds: float) -> int:
@@ -198,5 +196,5 @@ def found_start(
     assert sequence.imu_from_camera is not None
     sized = [(d, heights_m[d.category]) for d in detections.detections if d.category in heights_m]
     rough = rough_start(sequence, imu, sequence.imu_from_camera, sized, config.imu, config.alignment)
-    free = loose(config)
+    free = loose(config, float(np.linalg.norm(rough.state.velocity_in_world)))
     return settled(sequence, imu, detections, rough.state, fresh, free, lag_s, progress), free
