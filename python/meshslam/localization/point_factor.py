@@ -25,7 +25,7 @@ _STEPS = 3  # of Gauss and Newton, after the midpoint of the rays
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """Normal equations over (translation, rotation) of each camera, points projected out and weighted; the true cost."""
+    """Normal equations over (translation, rotation) of each camera, points projected out and weighted; true cost."""
 
     hessian: Floats  # (6 m, 6 m)
     gradient: Floats  # (6 m,)

@@ -19,6 +19,7 @@ from meshslam.localization.smoother import Smoother
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.ground import road_points
+from meshslam.mapping.noise import estimated_noise
 from meshslam.mapping.observations import make_view
 from meshslam.mapping.reconstruct import Observed, Reconstruction, Scene, motion, reconstruct
 from meshslam.mapping.track import Track, make_views
@@ -89,6 +90,7 @@ class Slam:
         ]
         height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
         self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
+        self._noise, self._left_over = self.mapping.noise, list[Floats]()
         self._candidates: dict[int, Candidate] = {}
         self._frame_ids: list[int] = []
         self._times: list[float] = []
@@ -150,7 +152,14 @@ class Slam:
         return found
 
     def _seen(self, view: View) -> SeenObject:
-        return SeenObject(self.model, view, self.mapping.noise, self.camera.fx)
+        return SeenObject(self.model, view, self._noise, self.camera.fx)
+
+    def _learn_noise(self, views: list[View], found: Reconstruction) -> None:
+        """The masks' noise from what fits leave over, as in mapping."""
+        step = self.mapping.noise.outline_step_px
+        self._left_over += self.model.border_distances_px(views, found.state, step)
+        if self.mapping.estimate_noise:
+            self._noise = estimated_noise(self._left_over, self.mapping.border_step_px, self.mapping.noise)
 
     def _refuse(self, added: dict[int, tuple[Entry, SeenObject, int]]) -> None:
         """Drop this frame's views that fit badly where all factors agree."""
@@ -232,7 +241,10 @@ class Slam:
             return None
         velocity, gain = motion(observed, scene, found)
         fast = float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s
-        return "moves" if fast and gain > self.mapping.motion_gain else found
+        if fast and gain > self.mapping.motion_gain:
+            return "moves"
+        self._learn_noise(views, found)
+        return found
 
     def _eye(self, index: int) -> Floats:
         return self._smoother.estimate(index).world_from_camera.translation
