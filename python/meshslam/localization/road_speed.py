@@ -32,7 +32,7 @@ class RoadConfig:
     minimum_correlation: float = 0.5
     minimum_drop: float = 0.03  # of the correlation, where the way is `drop_share` longer or shorter
     drop_share: float = 0.08
-    sigma_share: float = 0.02  # of a way; errors of height and slope last, so that many ways say little more than one
+    sigma_share: float = 0.015  # of a way; errors of height and slope last, so that many ways say little more than one
 
 
 def road_normal(centres: Sequence[Floats], config: RoadConfig) -> Floats | None:

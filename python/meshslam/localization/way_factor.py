@@ -11,7 +11,7 @@ from meshslam.geometry import hat
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.gtsam_bridge import from_pose3
 
-_KERNEL = 2.0  # Cauchy's, in sigmas
+_KERNEL = 6.0  # Cauchy's, in sigmas
 
 
 def way_factor(keys: Sequence[int], arm_m: Floats, way_m: float, sigma_m: float) -> gtsam.CustomFactor:
