@@ -8,7 +8,7 @@ from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, exp_so3
 from meshslam.localization import LocalizationConfig, SlamConfig, localize, slam_path
 from meshslam.localization.gauge import level_from_world, world_from_free
-from meshslam.localization.start import standing_rate
+from meshslam.localization.rough_start import standing_rate
 from meshslam.mapping import MappingConfig
 from meshslam.sequences import ImuSamples
 from tests.localization.conftest import IMU_FROM_CAMERA, errors_m

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from meshslam.cli.options import (
     AsJson,
@@ -36,15 +39,18 @@ def slam(
     layout: Layout = None,
     camera: CameraNumber = None,
     keypoints: Keypoints = None,
+    poses: Annotated[
+        str | None, typer.Option(help="none, or odometry: known poses tell each step, with noise, instead of the IMU.")
+    ] = None,
     config: ConfigFile = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
 ) -> None:
-    """Find camera path and cars together, from detections and IMU: no poses are used but the first.
+    """Find camera path and cars together, from detections and IMU, or from images alone; poses are not needed.
 
     Example: meshslam slam drive --out run
     """
-    from meshslam.cli.config import read_config
+    from meshslam.cli.config import overlaid, read_config
     from meshslam.cli.figures import show_figures
 
     settings = with_input(
@@ -58,6 +64,8 @@ def slam(
         camera=camera,
     )
     settings = with_keypoint_network(settings, keypoints)
+    if poses is not None:
+        settings = replace(settings, slam=overlaid(settings.slam, {"poses": poses}, "--poses"))
     show_figures(run_slam(settings, out, overwrite=overwrite), out, as_json=json)
 
 
@@ -80,7 +88,9 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
         with clock.timing("perception"):
             found, fixed = stages.perceive(recording, settings, run, bars)
         with clock.timing("tracking"):
-            tracked = stages.follow(recording, found, settings, bars)
+            # known poses beyond the first are not for SLAM, unless they are its odometry
+            blind = recording if settings.slam.poses == "odometry" else replace(recording, world_from_camera=None)
+            tracked = stages.follow(blind, found, settings, bars)
         with clock.timing("localization"):
             result = slam_path(
                 recording, tracked, category, settings.localization, settings.slam, settings.mapping, bars
@@ -91,8 +101,9 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
             mapping = stages.build_map(frames, tracked, settings, bars, fixed_tracks=fixed)
         stages.save(recording, frames, mapping, run)
         figures = stages.figures(recording, mapping, clock) | result.figures | evaluate_run(recording.root, run.folder)
-        figures |= paths_against_truth(recording, {"initial": result.inertial, "filtered": result.filtered})
-        drawn = {"IMU alone": result.inertial} | true_path(recording)
+        alone = {"initial": result.alone} if result.alone else {}
+        figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered})
+        drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
         save_map_report(recording, frames, mapping, settings.input.category, figures, run, drawn)
     run.save("metrics.json", stages.metrics_json(figures))
     return figures

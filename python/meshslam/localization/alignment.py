@@ -40,15 +40,25 @@ class AlignmentConfig:
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """A camera before gravity and velocity are known, in the first IMU's frame: centre = v t + g t^2 / 2 + offset.
+    """A camera before gravity and velocity are known, in the first IMU's frame: centre = W v + g t^2 / 2 + offset.
 
-    The IMU's velocity there is v + g t + gain.
+    By an IMU W is t I, and the IMU's velocity there is v + g t + gain. By images alone it is W v = v_x w, w being the
+    way in units of the speed, and gravity does not act.
     """
 
     time_s: float  # since the first
     rotation: Floats  # (3, 3), first imu from camera
     offset_m: Floats  # (3,)
-    gain_m_s: Floats  # (3,)
+    gain_m_s: Floats | None  # (3,); None by images alone
+    way_s: Floats | None = None  # (3,), by images alone
+
+    def by_velocity(self) -> Floats:
+        """W (3, 3)."""
+        return self.time_s * np.eye(3) if self.way_s is None else np.outer(self.way_s, [1.0, 0.0, 0.0])
+
+    def by_gravity(self) -> float:
+        """How far gravity of one m/s2 takes it."""
+        return 0.5 * self.time_s**2 if self.way_s is None else 0.0
 
 
 @dataclass(frozen=True)
@@ -153,7 +163,7 @@ def _sight_rows(
     config: AlignmentConfig,
 ) -> tuple[dict[int, Floats], Floats]:
     """Whitened rows of one box: two across its line of sight, one along, one for the road."""
-    t, at = motion.time_s, 6 + 4 * number
+    at = 6 + 4 * number
     depth_m = camera.fy * sight.height_m / sight.height_px  # of an object of the mean size
     ray = camera.rays(np.array(sight.middle_px))
     to_camera = motion.rotation.T
@@ -170,7 +180,7 @@ def _sight_rows(
     right[2] += config.nearer_m / (config.depth_sigma * depth_m)
     if height_above_ground_m is not None:
         right[3] += height_above_ground_m * share
-    return {0: -t * place, 3: -0.5 * t * t * place, at: place, at + 3: sized}, right
+    return {0: -place @ motion.by_velocity(), 3: -motion.by_gravity() * place, at: place, at + 3: sized}, right
 
 
 def _road_vehicle_rows(
@@ -179,12 +189,15 @@ def _road_vehicle_rows(
     """A car moves along its camera's axis, neither aside nor up, at an even speed, on a road that is hardly steep."""
     slip, out = config.slip_sigma_m_s * float(np.sqrt(len(motions))), []
     for motion in motions:
+        if motion.gain_m_s is None:
+            continue
         across = motion.rotation.T[:2] / slip
         out.append(({0: across, 3: motion.time_s * across}, -across @ motion.gain_m_s))
     first, last = motions[0], motions[-1]
     faster = config.acceleration_sigma_m_s2 * max(last.time_s, 1e-3)
     ahead, before = last.rotation.T[2:] / faster, first.rotation.T[2:] / faster
-    out.append(({0: ahead - before, 3: last.time_s * ahead}, -ahead @ last.gain_m_s))
+    if last.gain_m_s is not None:
+        out.append(({0: ahead - before, 3: last.time_s * ahead}, -ahead @ last.gain_m_s))
     level = first.rotation.T[[0, 2]] / (gravity_m_s2 * config.camera_tilt_sigma_rad)
     out.append(({3: level}, np.zeros(2)))
     return out

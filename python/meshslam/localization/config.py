@@ -74,9 +74,24 @@ class GateConfig:
 
 
 @dataclass(frozen=True)
+class OdometryConfig:
+    """Noise of one frame's step, where there is no IMU."""
+
+    # of known poses that are used as odometry
+    translation_sigma_m: float = 0.005
+    translation_sigma_share: float = 0.02  # of the step
+    rotation_sigma_deg: float = 0.05
+    # of motion that goes on evenly, where images alone tell
+    acceleration_m_s2: float = 3.0
+    turning_rad_s2: float = 1.0
+
+
+@dataclass(frozen=True)
 class SlamConfig:
     """Settings of `slam`, beside those of localization and mapping."""
 
+    poses: Literal["none", "odometry"] = "none"  # how known poses are used, beyond the first
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     start_views: int = 5  # a track becomes an object with so many views
     start_baseline_m: float = 3.0  # and so much way between the first and the last
     start_box_px: float = 40.0  # and so wide a box

@@ -35,6 +35,7 @@ class PointBlock:
     first: int  # index of the frame
     tracks: tuple[Floats, ...]  # each (n, m, 2) px: n corners seen in the first m frames and in no more
     is_closed: bool  # whether its last frame is the next block's first
+    matches: Floats  # (n, 2, 2) px: corners in the frame before and in this one
 
     @property
     def last(self) -> int:
@@ -62,7 +63,7 @@ class PointTracker:
         self._image = image
         tracks = tuple(t for t in (*self._ended, self._pixels) if len(t) and t.shape[1] >= config.shortest)
         closed = self._index - self._first >= config.steps
-        block = PointBlock(self._first, tracks, closed)
+        block = PointBlock(self._first, tracks, closed, self._pixels[:, -2:])
         if closed or self._index == 0:
             self._first, self._ended = self._index, []
             self._pixels = _new_corners(image, free, config.corners)[:, None]

@@ -18,7 +18,8 @@ from meshslam.localization.frame_masks import FrameMasks, associate, frame_views
 from meshslam.localization.imu import Mounting, NavState
 from meshslam.localization.inertial import inertial_path
 from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.start import Estimator, loose, rough_start, settled
+from meshslam.localization.rough_start import rough_start
+from meshslam.localization.start import Estimator, loose, settled
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection, DetectionSet, track
 from meshslam.sequences import ImuSamples, Sequence, turns

@@ -10,16 +10,15 @@ import numpy as np
 from meshslam.categories import Category
 from meshslam.geometry import Pose, log_so3
 from meshslam.localization.config import LocalizationConfig, SlamConfig
-from meshslam.localization.gauge import level_from_world, moved_map, moved_path, moved_sequence, world_from_free
+from meshslam.localization.gauge import level_from_world, moved_map, moved_path, moved_sequence
 from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
-from meshslam.localization.pictures import pictures_of
 from meshslam.localization.relocalize import start_in_map
 from meshslam.localization.slam import Slam
-from meshslam.localization.start import found_start
+from meshslam.localization.slam_input import slam_input, slam_start
 from meshslam.mapping import MappingConfig, category_model
 from meshslam.maps import Map
 from meshslam.perception import DetectionSet
@@ -123,7 +122,8 @@ class SlamPath:
 
     world_from_camera: tuple[Pose, ...]  # after smoothing over the lag
     filtered: tuple[Pose, ...]  # as each was known when its frame came
-    inertial: tuple[Pose, ...]  # by the IMU alone
+    alone: tuple[Pose, ...]  # without objects: by IMU or odometry; empty by images alone
+    alone_by: str  # its name
     figures: dict[str, float]
 
 
@@ -137,22 +137,15 @@ def slam_path(
     progress: Callable[[str, int, int], None] | None = None,
 ) -> SlamPath:
     """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
-    imu, imu_from_camera = check_imu(sequence, config.imu)
-    mounting, by_frame = Mounting(imu_from_camera), detections.by_frame()
-    pictures = pictures_of(sequence, detections, slam.points)
+    given = slam_input(sequence, detections, config, slam)
+    imu, by_frame, model = given.imu, detections.by_frame(), category_model(category)
 
     def fresh(settings: LocalizationConfig) -> Slam:
         names, height = detections.keypoint_names(category.name), sequence.height_above_ground_m
-        model = category_model(category)
-        return Slam(
-            sequence.camera, category, model, names, mounting, height, settings, slam, mapping, pictures=pictures
-        )
+        known = (sequence.camera, category, model, names, given.mounting, height)
+        return Slam(*known, settings, given.slam, mapping, pictures=given.pictures, motion=given.motion)
 
-    if sequence.initial_state is None:
-        heights = {category.name: category.dimensions[2]}
-        start, config = found_start(sequence, imu, detections, heights, fresh, config, slam.lag_s, progress)
-    else:
-        start = start_state(sequence, imu, imu_from_camera)
+    start, config = slam_start(given, {category.name: category.dimensions[2]}, fresh, config, progress)
     system, filtered, gaps = fresh(config), [], 0
     for index, frame in enumerate(sequence.frame_ids):
         found = by_frame.get(frame, ())
@@ -170,6 +163,6 @@ def slam_path(
         "frames_with_imu_gap": gaps,
     }
     path = tuple(system.path[frame] for frame in sequence.frame_ids)
-    inertial = inertial_path(imu, sequence.times_s, start, mounting, config.imu)
-    world = Pose.identity() if sequence.initial_state is not None else world_from_free(sequence, path[0])
-    return SlamPath(moved_path(path, world), moved_path(tuple(filtered), world), moved_path(inertial, world), figures)
+    world = given.world(path[0])
+    alone = given.path_alone(start, config, world)
+    return SlamPath(moved_path(path, world), moved_path(tuple(filtered), world), alone, given.alone, figures)

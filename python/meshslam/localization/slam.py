@@ -12,7 +12,8 @@ from meshslam.geometry import Camera, ObjectModel, Pose, View
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
-from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
+from meshslam.localization.imu import Mounting, NavState
+from meshslam.localization.motion import ImuMotion, MotionSource
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.road_odometry import RoadOdometry
 from meshslam.localization.smoother import Smoother
@@ -74,6 +75,7 @@ class Slam:
     objects: dict[int, tuple[Pose, Floats]] = field(default_factory=dict)  # pose and modes, as last seen
     moving: set[int] = field(default_factory=set)
     pictures: Pictures | None = None  # where there are images
+    motion: MotionSource | None = None  # by IMU, if none is given
 
     def __post_init__(self) -> None:
         imu = replace(
@@ -81,7 +83,7 @@ class Slam:
             time_offset_sigma_s=self.slam.time_offset_sigma_s,
             extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
         )
-        self._preintegrator = Preintegrator(imu)
+        self._motion = self.motion or ImuMotion(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
         self._smoother = Smoother(imu, self.config.start, lag, self.mounting)
         self._order = [
@@ -97,21 +99,25 @@ class Slam:
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The first frame, whose state is known: it sets the world."""
-        self._smoother.begin(state, rate_at(imu, state.time_s))
+        self._smoother.begin(state, self._motion.first_rate(imu, state.time_s))
         self._state = state
         return self._see(frame, state.time_s, detections, has_gap=False)
 
     def process(self, frame: int, time_s: float, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The next frame, `imu` holding the samples since the last one."""
-        interval = self._preintegrator.between(imu, self._state.time_s, time_s, self._state)
-        self._smoother.advance(predict(self._state, interval, time_s), interval)
+        predicted, interval = self._motion.between(imu, self._state, time_s, self._smoother.frame + 1)
+        self._smoother.advance(predicted, interval)
         if self.pictures is not None and self.slam.points.enabled:
             self._smoother.follow_points(self.pictures.block(self._smoother.frame), self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
     def first_state(self) -> NavState:
         """The first frame's state as it is now seen, while the lag still holds it."""
-        return self._smoother.estimate(0).state
+        first, second = (self._smoother.estimate(k).state for k in (0, 1))
+        if isinstance(self._motion, ImuMotion):
+            return first
+        way = second.world_from_imu.translation - first.world_from_imu.translation
+        return replace(first, velocity_in_world=way / (second.time_s - first.time_s))
 
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self._frame_ids.append(frame)

@@ -14,8 +14,8 @@ from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
-from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
-from meshslam.localization.imu import Interval, Mounting, NavState
+from meshslam.localization.gtsam_bridge import OURS_FROM_GTSAM, from_pose3, to_gtsam_covariance, to_pose3
+from meshslam.localization.imu import Interval, Mounting, NavState, RelativeMotion
 from meshslam.localization.point_factor import point_factor
 from meshslam.localization.point_tracks import PointBlock, PointConfig
 from meshslam.localization.way_factor import way_factor
@@ -127,12 +127,20 @@ class Smoother:
         window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
         window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
 
-    def advance(self, predicted: NavState, interval: Interval) -> None:
-        """The next frame, tied to the last by its IMU samples."""
+    def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
+        """The next frame, tied to the last by its IMU samples, or by the camera's step."""
         i, j = self.frame, self.frame + 1
         self.frame = j
-        self._insert(j, predicted, interval.angular_rate_rad_s)
-        self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
+        self._insert(j, predicted, tie.angular_rate_rad_s)
+        if isinstance(tie, Interval):
+            self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), tie.measurements))
+            return
+        diagonal, isotropic = gtsam.noiseModel.Diagonal.Sigmas, gtsam.noiseModel.Isotropic.Sigma
+        step = to_pose3(tie.first_from_second)
+        self.window.add(gtsam.BetweenFactorPose3(X(i), X(j), step, diagonal(tie.sigmas[OURS_FROM_GTSAM])))
+        # velocity and biases mean nothing here; the keys of views ask for them
+        self.window.add(gtsam.PriorFactorVector(V(j), predicted.velocity_in_world, isotropic(3, 1.0)))
+        self.window.add(gtsam.PriorFactorConstantBias(B(j), gtsam.imuBias.ConstantBias(), isotropic(6, 1e-3)))
 
     def see(self, seen: SeenObject, number: int, world_from_object: Pose, covariance: Floats | None) -> None:
         """A view of an object in this frame; with a covariance (6, 6) its pose is estimated along."""
