@@ -104,7 +104,7 @@ def test_the_factor_draws_cameras_back(rng):
     keys = {k: (X(k), V(k), E(0), T(0)) for k in range(5)}
     memos = {k: CameraMemo(np.zeros(3), np.zeros(3)) for k in range(5)}
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(point_factor(PointBlock(0, (pixels,), True), keys, memos, CAMERA, CONFIG))
+    graph.add(point_factor(PointBlock(0, 0, (pixels,), True, pixels[:, -2:]), keys, memos, CAMERA, CONFIG))
     tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)
     for k, camera in enumerate(cameras):
         if k < 2:

@@ -82,7 +82,7 @@ class OdometryConfig:
     translation_sigma_share: float = 0.02  # of the step
     rotation_sigma_deg: float = 0.05
     # of motion that goes on evenly, where images alone tell
-    acceleration_m_s2: float = 3.0
+    acceleration_m_s2: float = 1.5
     turning_rad_s2: float = 1.0
 
 

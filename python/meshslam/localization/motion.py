@@ -93,7 +93,7 @@ class ImageMotion:
             way = last.world_from_imu.translation - self._before.world_from_imu.translation
             speed = float(np.linalg.norm(way)) / (last.time_s - self._before.time_s)
         self._before = last
-        seen = two_views(self.pictures.block(index).matches, self.camera)
+        seen = two_views(self.pictures.matches(index), self.camera)
         step = Pose(seen.rotation, seen.translation * speed * period_s)
         sigma_m, sigma_rad = self.config.acceleration_m_s2 * period_s**2, self.config.turning_rad_s2 * period_s**2
         return _stepped(last, time_s, step, np.array([sigma_m] * 3 + [sigma_rad] * 3))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.point_tracks import PointBlock, PointConfig, PointTracker, free_mask
 from meshslam.perception import Detection, DetectionSet
 from meshslam.perception.flow import grey
@@ -27,7 +27,7 @@ class Picture:
 
 @dataclass
 class Pictures:
-    """By a frame's index: its picture, and the block of corners that it opens, goes on with or closes.
+    """By a frame's index: its picture, and the blocks of corners that it opens, goes on with or closes.
 
     Corners are followed once, whoever asks and how often.
     """
@@ -35,21 +35,26 @@ class Pictures:
     sequence: Sequence
     detections_of_frame: dict[int, tuple[Detection, ...]]
     config: PointConfig
-    _blocks: list[PointBlock] = field(default_factory=list)
+    _blocks: list[tuple[PointBlock, ...]] = field(default_factory=list)
     _held: dict[int, Picture] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._tracker = PointTracker(self.config)
+        self._trackers = [PointTracker(self.config, row) for row in range(self.config.rows)]
 
-    def block(self, index: int) -> PointBlock:
-        """Corners up to a frame."""
+    def blocks(self, index: int) -> tuple[PointBlock, ...]:
+        """Corners up to a frame, one block of each row."""
         while len(self._blocks) <= index:
             at = len(self._blocks)
             image = self.sequence.read_image(at)
             free = self._free(at)
             self._hold(at, image, free)
-            self._blocks.append(self._tracker.step(grey(image), free))
+            even = grey(image)
+            self._blocks.append(tuple(tracker.step(even, free) for tracker in self._trackers))
         return self._blocks[index]
+
+    def matches(self, index: int) -> Floats:
+        """Corners (n, 2, 2) px in the frame before and in this one."""
+        return np.concatenate([block.matches for block in self.blocks(index)])
 
     def picture(self, index: int) -> Picture:
         """A frame's picture."""

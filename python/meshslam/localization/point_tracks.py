@@ -18,8 +18,9 @@ class PointConfig:
     """Corners as factors of the graph."""
 
     enabled: bool = True  # where there are images
-    corners: int = 240  # that a block of frames begins with
-    steps: int = 5  # from frame to frame in a block; the next one begins with its last frame
+    corners: int = 160  # that a block of frames begins with
+    steps: int = 6  # from frame to frame in a block; the next one begins with its last frame
+    rows: int = 2  # of blocks, staggered: where they overlap they hand on the scale
     shortest: int = 3  # frames of a track that is used
     agreement_px: float = 0.7  # between where a corner was and where it comes back to
     mask_margin_px: int = 5  # around detections: what moves is mostly detected
@@ -32,6 +33,7 @@ class PointConfig:
 class PointBlock:
     """Corners of consecutive frames: all begin in the first of them, some end early."""
 
+    row: int
     first: int  # index of the frame
     tracks: tuple[Floats, ...]  # each (n, m, 2) px: n corners seen in the first m frames and in no more
     is_closed: bool  # whether its last frame is the next block's first
@@ -45,9 +47,13 @@ class PointBlock:
 
 @dataclass
 class PointTracker:
-    """Feed it images in order: it hands out the block of frames that is open or has just been closed."""
+    """Feed it images in order: it hands out the block of frames that is open or has just been closed.
+
+    The first block of row k of n is cut short by k/n.
+    """
 
     config: PointConfig
+    row: int = 0
     _image: Bytes | None = None
     _index: int = -1
     _first: int = 0
@@ -62,8 +68,9 @@ class PointTracker:
             self._follow(self._image, image, free)
         self._image = image
         tracks = tuple(t for t in (*self._ended, self._pixels) if len(t) and t.shape[1] >= config.shortest)
-        closed = self._index - self._first >= config.steps
-        block = PointBlock(self._first, tracks, closed, self._pixels[:, -2:])
+        early = self._first == 0 and self._index == config.steps * self.row // config.rows > 0
+        closed = early or self._index - self._first >= config.steps
+        block = PointBlock(self.row, self._first, tracks, closed, self._pixels[:, -2:])
         if closed or self._index == 0:
             self._first, self._ended = self._index, []
             self._pixels = _new_corners(image, free, config.corners)[:, None]

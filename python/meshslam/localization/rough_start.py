@@ -88,7 +88,7 @@ def motions_by_images(pictures: Pictures, sequence: Sequence, frames: int) -> li
     pose, times = Pose.identity(), sequence.times_s
     motions = [CameraMotion(0.0, pose.rotation, np.zeros(3), None, np.zeros(3))]
     for index in range(1, frames):
-        step = two_views(pictures.block(index).matches, sequence.camera)
+        step = two_views(pictures.matches(index), sequence.camera)
         pose = pose @ Pose(step.rotation, step.translation * float(times[index] - times[index - 1]))
         motions.append(CameraMotion(float(times[index] - times[0]), pose.rotation, np.zeros(3), None, pose.translation))
     return motions

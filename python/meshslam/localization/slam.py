@@ -108,7 +108,8 @@ class Slam:
         predicted, interval = self._motion.between(imu, self._state, time_s, self._smoother.frame + 1)
         self._smoother.advance(predicted, interval)
         if self.pictures is not None and self.slam.points.enabled:
-            self._smoother.follow_points(self.pictures.block(self._smoother.frame), self.camera, self.slam.points)
+            for block in self.pictures.blocks(self._smoother.frame):
+                self._smoother.follow_points(block, self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
     def first_state(self) -> NavState:

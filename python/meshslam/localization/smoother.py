@@ -44,6 +44,7 @@ class ViewTag:
 class PointTag:
     """A factor of the corners of a block of frames."""
 
+    row: int
     first: int
 
 
@@ -189,10 +190,11 @@ class Smoother:
 
     def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
         """Corners of a block of frames; what was said of the open block before is replaced."""
-        self.window.drop([e for e in self.window.entries if e.tag == PointTag(block.first)])
+        tag = PointTag(block.row, block.first)
+        self.window.drop([e for e in self.window.entries if e.tag == tag])
         if block.tracks and block.first in self._times:
             keys = {f: self._camera_keys(f) for f in self._times}
-            self.window.add(point_factor(block, keys, self._memos, camera, config), PointTag(block.first))
+            self.window.add(point_factor(block, keys, self._memos, camera, config), tag)
 
     def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
         """The camera came so far from one frame to another, both of which are held."""
