@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Bools, Floats
@@ -20,6 +21,7 @@ from meshslam.localization.point_tracks import PointBlock, PointConfig
 
 _NEAREST_WAYS, _FARTHEST_WAYS = 0.05, 400.0  # depths of points, in lengths of the way that the cameras came
 _DAMPING = 1e-9
+_LEAST_INFORMATION = 1e-11  # of the largest
 _STEPS = 3  # of Gauss and Newton, after the midpoint of the rays
 
 
@@ -59,30 +61,52 @@ def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tupl
 
 def linearize(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> Linearized:
     """Tracks (n, m, 2) of m cameras, each with Geman and McClure's weight."""
-    rotations, eyes = _stacked(cameras)
-    points, finite = triangulate(pixels, cameras, camera)
+    seen, finite, by_point, residual = _at_points(pixels, cameras, camera, config)
     count, length = pixels.shape[:2]
-    seen = _in_cameras(points, rotations, finite[:, None, None] * eyes)
-    by_seen = _projection(seen, camera) / config.sigma_px
-    residual = ((camera.project(_before(seen)) - pixels) / config.sigma_px).reshape(count, -1)
-    by_point = (by_seen @ rotations.transpose(0, 2, 1)[None]).reshape(count, -1, 3)
-    by_camera = np.zeros((count, length, 2, length, 6))
-    index = np.arange(length)
     shifted = np.broadcast_to(-np.eye(3) * finite[:, None, None, None], (*seen.shape, 3))
     moved = np.concatenate([shifted, _hats(seen)], axis=3)
-    by_camera[:, index, :, index] = (by_seen @ moved).transpose(1, 0, 2, 3)
-    rows = by_camera.reshape(count, 2 * length, 6 * length)
-    # I - F (F^T F)^-1 F^T takes away what a move of the point explains
+    by_camera, index = np.zeros((count, length, 2, length, 6)), np.arange(length)
+    by_camera[:, index, :, index] = (_projection(seen, camera) / config.sigma_px @ moved).transpose(1, 0, 2, 3)
+    left = _projected_out(by_point, by_camera.reshape(count, 2 * length, 6 * length))
+    right = _projected_out(by_point, residual[..., None])
+    soft = _softened(right, config)
+    left, right = left / soft[:, None, None], right / soft[:, None, None]
+    across, cost = left.transpose(0, 2, 1), 0.5 * float((soft * (right**2).sum((1, 2))).sum())
+    return Linearized((across @ left).sum(0), (across @ right).sum(0)[:, 0], cost)
+
+
+def cost_of(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> float:
+    """The cost of `linearize` alone."""
+    _, _, by_point, residual = _at_points(pixels, cameras, camera, config)
+    right = _projected_out(by_point, residual[..., None])
+    return 0.5 * float(((right**2).sum((1, 2)) / _softened(right, config)).sum())
+
+
+def _at_points(
+    pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig
+) -> tuple[Floats, Bools, Floats, Floats]:
+    """Points in the cameras (n, m, 3), which are finite, whitened derivatives over them and residuals (n, 2 m)."""
+    points, finite = triangulate(pixels, cameras, camera)
+    rotations, eyes = _stacked(cameras)
+    seen = _in_cameras(points, rotations, finite[:, None, None] * eyes)
+    residual = ((camera.project(_before(seen)) - pixels) / config.sigma_px).reshape(len(pixels), -1)
+    by_point = _projection(seen, camera) / config.sigma_px @ rotations.transpose(0, 2, 1)[None]
+    return seen, finite, by_point.reshape(len(pixels), -1, 3), residual
+
+
+def _projected_out(by_point: Floats, rows: Floats) -> Floats:
+    """(I - F (F^T F)^-1 F^T) rows: what a move of the point explains is taken away."""
     across = by_point.transpose(0, 2, 1)
     normal = across @ by_point
     normal += _DAMPING * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    left = rows - by_point @ np.linalg.solve(normal, across @ rows)
-    right = residual - (by_point @ np.linalg.solve(normal, across @ residual[..., None]))[..., 0]
-    squared = (right**2).sum(1)
-    soft = 1.0 + squared / ((2 * length - 3) * config.kernel**2)
-    cost, left, right = 0.5 * float((squared / soft).sum()), left / soft[:, None, None], right / soft[:, None]
-    across = left.transpose(0, 2, 1)
-    return Linearized((across @ left).sum(0), (across @ right[..., None]).sum(0)[:, 0], cost)
+    rest: Floats = rows - by_point @ np.linalg.solve(normal, across @ rows)
+    return rest
+
+
+def _softened(right: Floats, config: PointConfig) -> Floats:
+    """1 + r^2 / k^2 of each track; r^2 per degree of freedom."""
+    soft: Floats = 1.0 + (right**2).sum((1, 2)) / ((right.shape[1] - 3) * config.kernel**2)
+    return soft
 
 
 def point_factor(
@@ -102,10 +126,12 @@ def point_factor(
 
     def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         places = [memo_of[f].place(values, keys_of[f]) for f in frames]
-        parts = [linearize(t, [p.pose for p in places[: t.shape[1]]], camera, config) for t in block.tracks]
-        cost = sum(part.cost for part in parts)
+        cameras = [place.pose for place in places]
         if jacobians is None:
+            cost = sum(cost_of(t, cameras[: t.shape[1]], camera, config) for t in block.tracks)
             return np.append(np.zeros(rows - 1), np.sqrt(2 * cost))
+        parts = [linearize(t, cameras[: t.shape[1]], camera, config) for t in block.tracks]
+        cost = sum(part.cost for part in parts)
         hessian, gradient = np.zeros((rows - 1, rows - 1)), np.zeros(rows - 1)
         for part in parts:
             size = len(part.gradient)
@@ -127,14 +153,13 @@ def point_factor(
 def square_root(hessian: Floats, gradient: Floats, cost: float) -> tuple[Floats, Floats]:
     """Rows (columns + 1, columns) and residual with these normal equations, half its square being the true cost.
 
-    Places and scale of all cameras together are free: these directions get no rows.
+    Place, turn and scale of all cameras together are free: a trace of information keeps Cholesky's factor whole there.
     """
-    values, vectors = np.linalg.eigh(hessian)
-    told = values > _DAMPING * values[-1]
-    root = np.where(told, np.sqrt(np.maximum(values, 0.0)), 0.0)
-    residual = np.where(told, vectors.T @ gradient / np.where(told, root, 1.0), 0.0)
+    trace = _LEAST_INFORMATION * float(hessian.diagonal().max()) * np.eye(len(gradient))
+    lower = np.linalg.cholesky(hessian + trace)
+    residual = solve_triangular(lower, gradient, lower=True, check_finite=False)
     rest = np.sqrt(max(0.0, 2.0 * cost - float(residual @ residual)))
-    rows = np.concatenate([root[:, None] * vectors.T, np.zeros((1, len(gradient)))])
+    rows = np.concatenate([lower.T, np.zeros((1, len(gradient)))])
     return rows, np.append(residual, rest)
 
 

@@ -191,7 +191,9 @@ class Smoother:
     def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
         """Corners of a block of frames; what was said of the open block before is replaced."""
         tag = PointTag(block.row, block.first)
-        self.window.drop([e for e in self.window.entries if e.tag == tag])
+        points = [e for e in self.window.entries if isinstance(e.tag, PointTag) and e.tag.row == block.row]
+        self.window.drop([e for e in points if e.tag == tag])
+        self.window.settle([e for e in points if e.tag != tag])
         if block.tracks and block.first in self._times:
             keys = {f: self._camera_keys(f) for f in self._times}
             self.window.add(point_factor(block, keys, self._memos, camera, config), tag)
@@ -219,8 +221,6 @@ class Smoother:
         """Solve; states older than the lag become a prior."""
         self.window.optimize(self._lag.iterations)
         self.window.settle([e for e, tag in self._views() if tag.frame <= self.frame - self._lag.settled_frames])
-        old = self.frame - self._lag.settled_frames
-        self.window.settle([e for e in self.window.entries if isinstance(e.tag, PointTag) and e.tag.first < old])
 
     def close(self) -> None:
         """Let states older than the lag, and objects that only they saw, become a prior."""
