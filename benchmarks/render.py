@@ -25,6 +25,8 @@ from deodr.triangulated_mesh import TriMeshAdjacencies
 from meshslam.categories import load_category
 from meshslam.categories.icosphere import subdivide
 from meshslam.geometry import Camera, MaskLoss, NoiseModel, ObjectModel, Pose, View, mask_gradients, mask_iou, render
+from meshslam.mapping import MappingConfig
+from meshslam.mapping.observations import signed_distance, trace_border
 
 matplotlib.use("Agg")
 from matplotlib import pyplot
@@ -133,20 +135,19 @@ def solver_view(model: ObjectModel, observed: np.ndarray) -> View:
     """The observed mask as the solver takes it."""
     x0, y0, x1, y1 = box_around(observed, margin=12)
     crop = observed[y0:y1, x0:x1]
-    inside, outside = (cv2.distanceTransform(m, cv2.DIST_L2, 5) for m in (crop, 1 - crop))
-    contours, _ = cv2.findContours(crop, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    border = np.concatenate([c[::2, 0] for c in contours]) + [x0, y0]
-    nothing, none = np.zeros(crop.shape, bool), np.zeros(0)
+    distance_px = signed_distance(crop)
+    nothing, none = np.zeros(crop.shape, np.uint8), np.zeros(0)
+    border = trace_border(crop, distance_px, nothing, MappingConfig().border_step_px)
     return model.view(
         CAMERA,
         Pose.identity(),
         origin=(x0, y0),
-        distance_px=np.where(crop > 0, 0.5 - inside, outside - 0.5),
-        cut=nothing,
-        hidden=nothing,
-        border=border,
-        border_length_px=np.full(len(border), 2.0),
-        border_own=np.ones(len(border), bool),
+        distance_px=distance_px,
+        cut=border.cut > 0,
+        hidden=nothing > 0,
+        border=border.pixels + [x0, y0],
+        border_length_px=border.lengths_px,
+        border_own=border.own,
         keypoint_index=none,
         keypoint_pixels=none,
         keypoint_sigma_px=none,

@@ -119,6 +119,7 @@ class Template:
         d: _Floats,
         velocity: _Floats,
         max_iterations: int,
+        least_decrease: float,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
     def time(
         self,
@@ -144,6 +145,18 @@ class Template:
         velocity: _Floats,
         per_vertex: bool,
     ) -> tuple[_Floats, _Floats, _Bools]: ...
+    def covariance(
+        self,
+        views: Sequence[View],
+        ground_values: _Ground | None,
+        model_values: _Model,
+        scope: tuple[bool, bool, bool],
+        world_from_object: _Floats,
+        z: _Floats,
+        d: _Floats,
+        velocity: _Floats,
+        blocks: Sequence[str],
+    ) -> _Floats: ...
     def border_distances(
         self,
         views: Sequence[View],

@@ -18,7 +18,7 @@ use crate::solve::levenberg_marquardt::{Options, Problem, Report, levenberg_marq
 use crate::template::Template;
 use crate::view::View;
 use layout::{Layout, free_form_prior, multiply};
-pub use uncertainty::{Uncertainty, uncertainty};
+pub use uncertainty::{Block, Uncertainty, block_covariance, uncertainty};
 use views::MatchedView;
 pub(crate) use views::Sight;
 pub use views::{border_distances, mask_iou};

@@ -1,5 +1,7 @@
 //! What one frame shows of one object.
 
+use std::sync::Arc;
+
 use nalgebra::Vector2;
 
 use crate::camera::Camera;
@@ -20,7 +22,7 @@ pub struct BorderPoint {
     pub own: bool,
 }
 
-/// An object's mask and key points in one frame, and the camera that saw them.
+/// An object's mask and key points in one frame, and the camera that saw them. Copies share the pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// The camera.
@@ -32,13 +34,15 @@ pub struct View {
     /// The pixels that the fields below cover, row-major; beyond them the distance goes on growing.
     pub crop: Rect,
     /// Signed distance to the observed border, pixels, negative inside the mask.
-    pub distance_px: Vec<f32>,
+    pub distance_px: Arc<[f32]>,
     /// Where the nearest border is not the object's own.
-    pub cut: Vec<u8>,
+    pub cut: Arc<[u8]>,
     /// Where an occluder hides what is behind.
-    pub hidden: Vec<u8>,
+    pub hidden: Arc<[u8]>,
     /// The observed border.
     pub border: Vec<BorderPoint>,
+    /// Area of the observed mask, pixels.
+    pub area_px: usize,
     /// Length of the border that is the object's own, pixels.
     pub border_length_px: f64,
     /// How far the true surface may lie from any mesh of the model, as seen here, pixels.
@@ -93,6 +97,7 @@ impl View {
                 return Err(Error::Range { what: "key point sigma", expected: "positive", found: k.sigma_px });
             }
         }
+        self.area_px = self.distance_px.iter().filter(|d| **d < 0.0).count();
         self.border_length_px = self.border.iter().filter(|p| p.own).map(|p| p.length).sum();
         Ok(self)
     }

@@ -1,7 +1,9 @@
 //! `template`, `view` and `object` of the core.
 
+use std::sync::Arc;
+
 use meshslam_core::factor;
-use meshslam_core::object::{self, Model, ObjectProblem, ObjectState, Scope};
+use meshslam_core::object::{self, Block, Model, ObjectProblem, ObjectState, Scope};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
@@ -170,6 +172,7 @@ impl Template {
         d: Floats1,
         velocity: Floats1,
         max_iterations: usize,
+        least_decrease: f64,
     ) -> PyResult<(
         Bound<'py, PyArray2<f64>>,
         Bound<'py, PyArray1<f64>>,
@@ -184,7 +187,7 @@ impl Template {
             (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
         let (scope, options) = (
             Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 },
-            Options { max_iterations, ..Options::default() },
+            Options { max_iterations, absolute_decrease: least_decrease, ..Options::default() },
         );
         let estimate = py
             .detach(|| object::refine(&self.inner, &views, ground, model, scope, state, &options))
@@ -274,6 +277,33 @@ impl Template {
         ))
     }
 
+    /// Joint covariance of blocks of parameters, in the order named.
+    #[allow(clippy::too_many_arguments)] // the binding of one function
+    fn covariance<'py>(
+        &self,
+        py: Python<'py>,
+        views: Vec<Bound<'py, View>>,
+        ground_values: Option<GroundTuple>,
+        model_values: ModelTuple,
+        scope: ScopeTuple,
+        world_from_object: Floats2,
+        z: Floats1,
+        d: Floats1,
+        velocity: Floats1,
+        blocks: Vec<String>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let views = core_views(&views);
+        let (ground, model, state) =
+            (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
+        let scope = Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 };
+        let blocks = blocks.iter().map(|name| block(name, scope)).collect::<PyResult<Vec<Block>>>()?;
+        let found = py
+            .detach(|| object::block_covariance(&self.inner, &views, ground, model, scope, &state, &blocks))
+            .map_err(to_python)?;
+        let rows: Vec<Vec<f64>> = found.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
     /// Signed distances from each border point to the outline, an array a view.
     #[allow(clippy::too_many_arguments)] // the binding of one function
     fn border_distances<'py>(
@@ -331,12 +361,30 @@ impl Template {
         let vertices = points("vertices", &vertices)?;
         check_shape("vertices", &[vertices.len()], &[Some(self.inner.mean.len())])?;
         let poses = world_from_object.iter().map(|m| pose("world_from_object", m)).collect::<PyResult<Vec<_>>>()?;
-        let faces = &self.inner.topology.faces;
+        let topology = &self.inner.topology;
         let rows: Vec<Vec<f64>> = py.detach(|| {
-            poses.iter().map(|p| views.iter().map(|v| object::mask_iou(v, p, &vertices, faces)).collect()).collect()
+            poses.iter().map(|p| views.iter().map(|v| object::mask_iou(v, p, &vertices, topology)).collect()).collect()
         });
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
+}
+
+/// The block of a name, which must be among those that are estimated.
+fn block(name: &str, scope: Scope) -> PyResult<Block> {
+    let (block, estimated) = match name {
+        "pose" => (Block::Pose, true),
+        "modes" => (Block::Modes, scope.modes),
+        "free_form" => (Block::FreeForm, scope.free_form),
+        "velocity" => (Block::Velocity, scope.velocity),
+        _ => {
+            let expected = "expected pose, modes, free_form or velocity";
+            return Err(PyValueError::new_err(format!("no block of parameters is called {name:?}: {expected}")));
+        }
+    };
+    if !estimated {
+        return Err(PyValueError::new_err(format!("{name} is not estimated, so it has no covariance")));
+    }
+    Ok(block)
 }
 
 fn core_views<'a>(views: &'a [Bound<View>]) -> Vec<&'a CoreView> {
@@ -390,10 +438,11 @@ impl View {
             world_from_camera: pose("world_from_camera", &world_from_camera)?,
             time_s,
             crop: Rect { x0: origin.0, y0: origin.1, width, height },
-            distance_px: distance_px.as_array().iter().copied().collect(),
-            cut: cut.as_array().iter().copied().collect(),
-            hidden: hidden.as_array().iter().copied().collect(),
+            distance_px: picture(&distance_px),
+            cut: picture(&cut),
+            hidden: picture(&hidden),
             border,
+            area_px: 0,
             border_length_px: 0.0,
             surface_sigma_px: 0.0,
             keypoints,
@@ -407,6 +456,14 @@ impl View {
             return Err(PyValueError::new_err(format!("a surface's sigma must not be negative, found {sigma_px}")));
         }
         Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
+    }
+}
+
+/// Pixels row by row.
+fn picture<T: numpy::Element + Copy>(pixels: &PyReadonlyArray2<T>) -> Arc<[T]> {
+    match pixels.as_slice() {
+        Ok(contiguous) => contiguous.into(),
+        Err(_) => pixels.as_array().iter().copied().collect(),
     }
 }
 

@@ -4,6 +4,7 @@ from meshslam.geometry.camera import Camera
 from meshslam.geometry.lie import exp_so3, hat, log_so3, right_jacobian
 from meshslam.geometry.mask_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
 from meshslam.geometry.object_model import (
+    Block,
     GroundPlane,
     Iteration,
     NoiseModel,
@@ -32,6 +33,7 @@ from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
 from meshslam.geometry.triangulation import kabsch, triangulate
 
 __all__ = [
+    "Block",
     "Camera",
     "GroundPlane",
     "Iteration",

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from meshslam import _core
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry.arrays import Bools, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.native import floats, geometry_errors, ints
 from meshslam.geometry.pose import Pose
 
 View = _core.View
+
+Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class NoiseModel:
     border_kernel: float = 3.0  # Huber's threshold, in sigmas
     surface_sigma_m: float = 0.025  # of the true surface about the best mesh; what masks show of it, they show alike
     border_cap_px: float = 60.0  # residuals are cut here
-    outline_step_px: float = 2.0  # spacing of the outline's samples
+    outline_step_px: float = 6.0  # spacing of the outline's samples
     keypoint_position_sigma_m: float = 0.10  # the category's key points against the instance's
     keypoint_kernel: float = 3.0  # Geman and McClure's threshold, in sigmas
     free_form_sigma_m: float = 0.10  # of a vertex's free displacement
@@ -155,7 +158,7 @@ class ObjectModel:
         *,
         time_s: float = 0.0,
         origin: tuple[int, int],
-        distance_px: Floats,
+        distance_px: Floats | Singles,
         cut: Bools,
         hidden: Bools,
         border: Floats,
@@ -200,10 +203,12 @@ class ObjectModel:
         free_form: bool,
         velocity: bool = False,
         max_iterations: int = 30,
+        least_decrease: float = 0.1,
     ) -> Refined:
         """Lower the cost over the pose, and over modes, free-form shape and velocity if asked, by Levenberg-Marquardt.
 
-        A step is taken only if the true cost falls; the result is the best state seen, converged or not.
+        A step is taken only if the true cost falls; the result is the best state seen, converged or not. It ends when a
+        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`.
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
@@ -216,6 +221,7 @@ class ObjectModel:
                 floats(state.d),
                 floats(state.velocity),
                 max_iterations,
+                least_decrease,
             )
         iterations = tuple(Iteration(*row) for row in rows)
         return Refined(ObjectState(Pose.from_matrix(pose), z, d, v), cost, stop, iterations)
@@ -273,6 +279,37 @@ class ObjectModel:
                 floats(state.d),
                 floats(state.velocity),
                 per_vertex,
+            )
+
+    def covariance(
+        self,
+        views: Sequence[View],
+        ground: GroundPlane | None,
+        noise: NoiseModel,
+        state: ObjectState,
+        blocks: Sequence[Block],
+        *,
+        modes: bool,
+        free_form: bool,
+        velocity: bool = False,
+    ) -> Floats:
+        """Joint covariance (n, n) of blocks of parameters in the order named, the inverse of the normal matrix there.
+
+        Pose is a right perturbation of world_from_object at its origin (translation m, rotation rad); modes are in
+        standard deviations, free form in metres, velocity in m/s. GeometryError where nothing holds a parameter, or for
+        a block that is not estimated.
+        """
+        with geometry_errors():
+            return self._template.covariance(
+                list(views),
+                None if ground is None else ground.values,
+                noise.values,
+                (modes, free_form, velocity),
+                floats(state.world_from_object.matrix),
+                floats(state.z),
+                floats(state.d),
+                floats(state.velocity),
+                list(blocks),
             )
 
     def square_root(

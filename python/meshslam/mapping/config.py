@@ -48,7 +48,7 @@ class MappingConfig:
     start_views: int = 4  # of these, for the search of the start
     view_min_box_px: float = 24.0
     # masks
-    border_step_px: float = 3.0  # spacing of border points
+    border_step_px: float = 6.0  # spacing of border points; their errors are correlated over some 25
     edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
     occluder_margin_px: int = 3  # nor one this near to an occluder
     crop_margin: float = 0.5  # of the box's size, around it
@@ -64,6 +64,9 @@ class MappingConfig:
     # the search of the start
     start_yaws: int = 16
     start_candidates: int = 4
+    start_overlap: float = 0.7  # mask IoU of a start from key points that makes the search of headings needless
+    start_margin: float = 50.0  # cost by which the mean mesh may fit worse than at the best start,
+    start_margin_share: float = 1.0  # and this share of the best more: the noise is not known yet
     # objects that move, and one object seen as two
     max_speed_m_s: float = 1.5
     motion_gain: float = 25.0  # by which the cost must fall with the motion

@@ -9,9 +9,11 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Camera, ObjectModel, Pose, View
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry.arrays import Bools, Bytes, Floats, Singles
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection
+
+_BLUR_REACH_PX = 6  # pixels farther off do not change a smoothed slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +49,16 @@ def solid(mask: Bytes) -> Bytes:
     return filled
 
 
-def signed_distance(mask: Bytes) -> Floats:
+def signed_distance(mask: Bytes) -> Singles:
     """Distance (h, w) of each pixel to the mask's border, px, negative inside; nothing lies beyond the picture."""
-    padded = cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    inside = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    outside = cv2.distanceTransform(1 - padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    distance: Floats = np.where(padded > 0, 0.5 - inside, outside - 0.5)[1:-1, 1:-1]
+    distance: Singles = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - np.float32(0.5)
+    x, y, w, h = cv2.boundingRect(mask)
+    if w == 0:
+        return distance
+    box = np.pad(mask[y : y + h, x : x + w], 1)  # nothing inside is farther from the border than the box reaches
+    inside = cv2.distanceTransform(box, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    part = distance[y : y + h, x : x + w]
+    np.copyto(part, np.float32(0.5) - inside, where=inside > 0)
     return distance
 
 
@@ -66,7 +72,7 @@ class Border:
     cut: Bytes  # (h, w), 1 where the nearest border is not the object's own
 
 
-def trace_border(mask: Bytes, distance_px: Floats, not_own: Bytes, step_px: float) -> Border:
+def trace_border(mask: Bytes, distance_px: Singles, not_own: Bytes, step_px: float) -> Border:
     """Walk a mask's contours; `not_own` (h, w) marks pixels whose border belongs to the image's edge or an occluder."""
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     contour_pixels = np.ones_like(mask)
@@ -88,13 +94,15 @@ def trace_border(mask: Bytes, distance_px: Floats, not_own: Bytes, step_px: floa
     return Border(_onto_border(chains, distance_px), np.concatenate(lengths), own, _spread(contour_pixels, not_own))
 
 
-def _onto_border(inner: Floats, distance_px: Floats) -> Floats:
+def _onto_border(inner: Floats, distance_px: Singles) -> Floats:
     """Contours run through the outermost pixels of a mask: its border is half a pixel further out."""
-    smooth = cv2.GaussianBlur(distance_px.astype(np.float32), (0, 0), 1.0)
+    x, y = inner.astype(int).T
+    left, top = max(0, x.min() - _BLUR_REACH_PX), max(0, y.min() - _BLUR_REACH_PX)
+    near = distance_px[top : y.max() + _BLUR_REACH_PX + 1, left : x.max() + _BLUR_REACH_PX + 1]
+    smooth = cv2.GaussianBlur(near, (0, 0), 1.0)
     dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3) / 8
     dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3) / 8
-    x, y = inner.astype(int).T
-    normal = np.stack([dx[y, x], dy[y, x]], axis=1).astype(float)
+    normal = np.stack([dx[y - top, x - left], dy[y - top, x - left]], axis=1).astype(float)
     length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
     moved: Floats = inner + 0.5 * normal / length
     return moved

@@ -106,7 +106,8 @@ def map_objects(
 
     for number in range(1, config.passes):
         placed = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame(), _placed(work, scene))
-        work = _each(f"refine {number}", partial(_next_pass, scene=scene, occluders=placed), work, progress)
+        again = partial(_next_pass, scene=scene, earlier=occluders, occluders=placed)
+        work, occluders = _each(f"refine {number}", again, work, progress), placed
     work = _each("shape", lambda w: _Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
     return _mapping(work, left_out, detections, scene, progress)
 
@@ -212,8 +213,20 @@ def _by_gradient(track: Track, scene: Scene, occluders: Occluders) -> _Work:
     return _Work(observed, reconstruct_by_gradient(observed, scene))
 
 
-def _next_pass(work: _Work, scene: Scene, occluders: Occluders) -> _Work:
-    observed = observe(work.observed.track, scene, occluders)
+def observe_again(observed: Observed, scene: Scene, earlier: Occluders, occluders: Occluders) -> Observed:
+    """The same views, those made anew that something else hides now."""
+    track, views = observed.track, list(observed.views)
+    changed = [i for i, d in enumerate(track.detections) if not np.array_equal(earlier.before(d), occluders.before(d))]
+    made = make_views(
+        track, scene.model, scene.category, scene.keypoint_names, scene.camera, occluders.before, scene.config, changed
+    )
+    for i, view in zip(changed, made, strict=True):
+        views[i] = view
+    return replace(observed, views=views)
+
+
+def _next_pass(work: _Work, scene: Scene, earlier: Occluders, occluders: Occluders) -> _Work:
+    observed = observe_again(work.observed, scene, earlier, occluders)
     observed = with_surface_error(observed, scene, work.found.state)
     return _Work(observed, refit(observed, scene, work.found))
 
@@ -222,8 +235,7 @@ def _again(work: _Work, scene: Scene) -> _Work:
     """Fit with the noise known: from where the first fit ended, and anew from its place both ways round."""
     observed = with_surface_error(work.observed, scene, work.found.state)
     pose = work.found.state.world_from_object
-    candidates = [refit(observed, scene, work.found)]
-    candidates += [fit_modes(observed, scene, start) for start in (pose, flipped(pose))]
+    candidates = [refit(observed, scene, work.found), *fit_modes(observed, scene, [pose, flipped(pose)])]
     best = cheapest(candidates, observed.track)
     return _Work(observed, replace(best, start=work.found.start))
 
@@ -404,5 +416,5 @@ def _single_frame_iou(work: _Work, scene: Scene) -> float:
     best = [int(np.argmax(sizes))]
     track, views = work.observed.track.subset(best), [work.observed.views[i] for i in best]
     alone = Observed(track, views, track, views)
-    found = fit_modes(alone, scene, work.found.start.world_from_object)
+    [found] = fit_modes(alone, scene, [work.found.start.world_from_object])
     return _mean_iou(replace(work, observed=alone), scene, found.state)

@@ -71,31 +71,45 @@ def coarse(noise: NoiseModel) -> NoiseModel:
 
 
 def find_start(observed: Observed, scene: Scene) -> list[tuple[float, Pose]]:
-    """Poses of the mean mesh to start from, the best first: from key points, and by drawing at headings on the road."""
-    track, config = observed.start_track, scene.config
-    position = rough_position(observed.track, scene.category, scene.camera)
+    """Poses of the mean mesh to start from, the best first: from key points, else drawn at headings on the road."""
+    config = scene.config
     points = triangulate_keypoints(observed.track, scene.keypoint_names, scene.category, scene.camera, config)
     from_points = pose_from_keypoints(points, scene.category)
+    found: list[tuple[float, Pose]] = []
     if from_points is not None:
-        position = from_points.translation
+        ground = scene.ground_at(from_points.translation)
+        placed = [upright(from_points, ground), from_points]
+        found = search_poses(scene.model, observed.start_views, placed, ground, coarse(config.noise), 2)
+        if _overlap(observed, scene, found[0][1]) >= config.start_overlap:
+            return found
+    position = rough_position(observed.track, scene.category, scene.camera)
+    found += _search_headings(observed, scene, position if from_points is None else from_points.translation)
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _overlap(observed: Observed, scene: Scene, pose: Pose) -> float:
+    """Mask IoU of the mean mesh, mean over the views of the search."""
+    vertices = scene.model.vertices(scene.model.state_at(pose))
+    return float(scene.model.mask_ious(observed.start_views, [pose], vertices).mean())
+
+
+def _search_headings(observed: Observed, scene: Scene, position: Floats) -> list[tuple[float, Pose]]:
+    track, config = observed.start_track, scene.config
     ground = scene.ground_at(position)
     nearest = int(np.argmax([d.bbox[3] for d in track.detections]))
     eye = track.world_from_camera[nearest].translation
     starts = yaw_starts(position, ground, scene.category, config.start_yaws, eye)
-    noise = coarse(config.noise)
-    found = search_poses(scene.model, observed.start_views, starts, ground, noise, config.start_candidates)
-    if from_points is not None:
-        placed = [upright(from_points, ground), from_points]
-        found += search_poses(scene.model, observed.start_views, placed, ground, noise, 2)
-    return sorted(found, key=lambda pair: pair[0])
+    views, noise = observed.start_views, coarse(config.noise)
+    return search_poses(scene.model, views, starts, ground, noise, config.start_candidates)
 
 
 def reconstruct(observed: Observed, scene: Scene) -> Reconstruction:
-    """Start, pose, modes, free form; both flips of the best start are carried to the modes, the cheaper one is kept."""
-    starts = find_start(observed, scene)
-    best = starts[0][1]
-    candidates = [best, flipped(best)] + [pose for _, pose in starts[1:] if _differs(pose, best)][:1]
-    return cheapest([fit_modes(observed, scene, pose) for pose in candidates], observed.track)
+    """Start, pose, modes; the best start and another, both ways round, are carried as far as they may win."""
+    starts = [pose for _, pose in find_start(observed, scene)]
+    best = starts[0]
+    others = [pose for pose in starts[1:] if _differs(pose, best)][:1]
+    both_ways = [turned for pose in (best, *others) for turned in (pose, flipped(pose))]
+    return cheapest(fit_modes(observed, scene, both_ways), observed.track)
 
 
 def cheapest(candidates: Sequence[Reconstruction], track: Track) -> Reconstruction:
@@ -109,15 +123,23 @@ def _differs(pose: Pose, other: Pose) -> bool:
     return across < 0.9 or float(np.linalg.norm(pose.translation - other.translation)) > 1.0
 
 
-def fit_modes(observed: Observed, scene: Scene, start: Pose) -> Reconstruction:
-    """First the pose, then pose and modes."""
+def fit_modes(observed: Observed, scene: Scene, starts: Sequence[Pose]) -> list[Reconstruction]:
+    """From each start first the pose, then pose and modes; a pose that costs far more than another goes no further."""
     model, noise, views = scene.model, scene.config.noise, observed.views
-    ground = scene.ground_at(start.translation)
-    at_start = model.state_at(start)
-    posed = model.refine(views, ground, noise, at_start, modes=False, free_form=False)
-    ground = scene.ground_at(posed.state.world_from_object.translation)
-    shaped = model.refine(views, ground, noise, posed.state, modes=True, free_form=False)
-    return Reconstruction(at_start, posed.state, shaped.state, shaped.state, ground, shaped.cost)
+    posed = []
+    for start in starts:
+        at_start = model.state_at(start)
+        ground = scene.ground_at(start.translation)
+        posed.append((at_start, model.refine(views, ground, noise, at_start, modes=False, free_form=False)))
+    least = min(refined.cost for _, refined in posed)
+    most = (1 + scene.config.start_margin_share) * least + scene.config.start_margin
+    found = []
+    for at_start, at in posed:
+        if at.cost <= most:
+            ground = scene.ground_at(at.state.world_from_object.translation)
+            shaped = model.refine(views, ground, noise, at.state, modes=True, free_form=False)
+            found.append(Reconstruction(at_start, at.state, shaped.state, shaped.state, ground, shaped.cost))
+    return found
 
 
 def fit_free_form(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruction:

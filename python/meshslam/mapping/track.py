@@ -66,9 +66,14 @@ def make_views(
     camera: Camera,
     occluder_of: Callable[[Detection], Bytes],
     config: MappingConfig,
+    chosen: Sequence[int] | None = None,
 ) -> list[View]:
-    """Views of every detection of a track; `occluder_of` draws what stands before a detection's object."""
+    """Views of a track's detections, or of the chosen; `occluder_of` draws what stands before a detection's object."""
     order = [category.keypoint_names.index(n) if n in category.keypoint_names else -1 for n in keypoint_names]
     times = track.times_s - track.times_s.mean()
-    seen = zip(track.detections, track.world_from_camera, times.tolist(), strict=True)
-    return [make_view(model, camera, p, t, d, occluder_of(d), order, config) for d, p, t in seen]
+
+    def view(i: int) -> View:
+        pose, detection = track.world_from_camera[i], track.detections[i]
+        return make_view(model, camera, pose, float(times[i]), detection, occluder_of(detection), order, config)
+
+    return [view(i) for i in (range(len(track.detections)) if chosen is None else chosen)]

@@ -1,13 +1,13 @@
 //! Uncertainty of an estimate: the inverse of its normal matrix.
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6, Vector3};
 
 use super::{Model, ObjectProblem, ObjectState, Scope};
 use crate::error::{Result, check_length};
 use crate::residuals::Rows;
 use crate::residuals::ground::Ground;
 use crate::solve::envelope::Envelope;
-use crate::solve::levenberg_marquardt::Problem;
+use crate::solve::levenberg_marquardt::{Problem, covariance};
 use crate::template::Template;
 use crate::view::View;
 
@@ -20,6 +20,19 @@ pub struct Uncertainty {
     pub vertex_sigma_m: Vec<f64>,
     /// Which vertices (or their mirror images) some view or key point fixes.
     pub vertex_observed: Vec<bool>,
+}
+
+/// A block of an object's parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Block {
+    /// Right perturbation of `world_from_object`: translation, rotation.
+    Pose,
+    /// Coefficients of the modes.
+    Modes,
+    /// Free-form displacement, in the order of the symmetry basis.
+    FreeForm,
+    /// Velocity in the world.
+    Velocity,
 }
 
 /// A vertex is observed where the measurements alone fix it along some direction to this, metres.
@@ -50,6 +63,39 @@ pub fn uncertainty(
     let pose_covariance = centre_covariance(&problem, &factor, &vertices);
     let vertex_sigma_m = if per_vertex { vertex_sigmas(&problem, &factor) } else { Vec::new() };
     Ok(Uncertainty { pose_covariance, vertex_sigma_m, vertex_observed })
+}
+
+/// Joint covariance of chosen blocks at `state`, in their order; empty for a block that is not in `scope`.
+///
+/// # Errors
+/// As [`uncertainty`].
+pub fn block_covariance(
+    template: &Template,
+    views: &[&View],
+    ground: Option<Ground>,
+    model: Model,
+    scope: Scope,
+    state: &ObjectState,
+    blocks: &[Block],
+) -> Result<DMatrix<f64>> {
+    check_length("mode coefficients", state.z.len(), template.mode_count)?;
+    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
+    let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
+    let chosen: Vec<usize> = blocks.iter().flat_map(|&block| parameters(&problem, block)).collect();
+    covariance(&mut problem, state, &chosen)
+}
+
+/// Where a block's parameters stand in the normal equations.
+fn parameters(problem: &ObjectProblem, block: Block) -> Vec<usize> {
+    let ObjectProblem { layout, scope, template, .. } = problem;
+    let base = layout.free_form;
+    match block {
+        Block::Pose => (base..base + 6).collect(),
+        Block::Modes if scope.modes => (base + 6..base + 6 + template.mode_count).collect(),
+        Block::FreeForm => layout.position.clone(),
+        Block::Velocity if scope.velocity => (base + layout.dense - 3..base + layout.dense).collect(),
+        Block::Modes | Block::Velocity => Vec::new(),
+    }
 }
 
 /// Rows (as columns of the transpose) of a vertex's derivative over the shape's parameters.

@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use super::{Model, ObjectState};
 use crate::lie::Pose;
+use crate::mesh::Topology;
 use crate::outline::{OutlineSample, contour_samples, outline};
-use crate::raster::{Rect, fill_mask};
+use crate::raster::Rect;
 use crate::residuals::Rows;
 use crate::residuals::border::{BorderMatch, backward_distances};
 use crate::residuals::keypoints::{PositionNoise, keypoint_rows};
@@ -91,27 +92,33 @@ impl Sight<'_> {
 
 /// IoU of the drawn mesh with the observed mask in a view; pixels that an occluder hides count only where the mask has them.
 #[must_use]
-pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>], faces: &[[u32; 3]]) -> f64 {
+pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>], topology: &Topology) -> f64 {
     let camera_from_object = view.world_from_camera.inverse().compose(world_from_object);
     let points: Vec<Vector3<f64>> = vertices.iter().map(|v| camera_from_object.transform(v)).collect();
-    let rect = Rect::of_mesh(&view.camera, &points);
-    let mut drawn = vec![0; rect.area()];
-    fill_mask(&view.camera, &points, faces, &rect, &mut drawn);
-    let (mut both, mut only_drawn) = (0usize, 0usize);
-    for row in 0..rect.height {
-        for column in 0..rect.width {
-            if drawn[row * rect.width + column] == 0 {
-                continue;
-            }
-            match view.crop.index(column as i64 + rect.x0, row as i64 + rect.y0) {
-                Some(i) if view.distance_px[i] < 0.0 => both += 1,
-                Some(i) if view.hidden[i] > 0 => {}
-                _ => only_drawn += 1,
-            }
-        }
+    let mut silhouette = Silhouette::default();
+    silhouette.draw(&view.camera, &points, topology);
+    let rect = silhouette.rect;
+    let shared = rect.intersection(&view.crop);
+    let mask = silhouette.mask();
+    let drawn = sum(mask.iter().copied());
+    let (mut both, mut hidden) = (0, 0);
+    let rows = if shared.width > 0 { shared.height } else { 0 };
+    for row in 0..rows as i64 {
+        let run = |of: &Rect| {
+            let from = (shared.y0 + row - of.y0) as usize * of.width + (shared.x0 - of.x0) as usize;
+            from..from + shared.width
+        };
+        let (mask, crop) = (&mask[run(&rect)], run(&view.crop));
+        let inside = view.distance_px[crop.clone()].iter().map(|d| u8::from(*d < 0.0));
+        both += sum(mask.iter().zip(inside.clone()).map(|(m, i)| m & i));
+        hidden +=
+            sum(mask.iter().zip(inside).zip(&view.hidden[crop]).map(|((m, i), h)| m & (1 - i) & u8::from(*h > 0)));
     }
-    let observed = view.distance_px.iter().filter(|d| **d < 0.0).count();
-    both as f64 / (observed + only_drawn).max(1) as f64
+    both as f64 / (view.area_px + drawn - both - hidden).max(1) as f64
+}
+
+fn sum(ones: impl Iterator<Item = u8>) -> usize {
+    ones.map(usize::from).sum()
 }
 
 /// Signed distances between the observed border and the mesh's outline in a view, in the order of the border's points:

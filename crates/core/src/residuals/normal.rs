@@ -74,11 +74,11 @@ impl Dense<'_> {
     }
 
     /// ∂v/∂(pose, z, velocity) of a vertex, one row an axis.
-    #[inline]
-    fn derivative<const N: usize>(&self, vertex: u32) -> [[f64; N]; 3] {
+    #[inline(always)]
+    fn derivative<const N: usize>(&self, vertex: u32, rows: &mut [[f64; N]; 3]) {
         let v = self.vertices[vertex as usize];
-        let mut rows = [[0.0; N]; 3];
-        let [x, y, z] = &mut rows;
+        *rows = [[0.0; N]; 3];
+        let [x, y, z] = rows;
         (x[0], y[1], z[2]) = (1.0, 1.0, 1.0);
         (x[4], x[5]) = (v.z, -v.y);
         (y[3], y[5]) = (-v.z, v.x);
@@ -92,7 +92,6 @@ impl Dense<'_> {
                 (0..3).for_each(|k| row[6 + count + k] = moved[(axis, k)]);
             }
         }
-        rows
     }
 }
 
@@ -245,7 +244,7 @@ impl VertexNormal {
                 for ((rows, product), (&vertex, block)) in
                     rows.iter_mut().zip(products.iter_mut()).zip(vertices.iter().zip(diagonal))
                 {
-                    *rows = dense.derivative(vertex);
+                    dense.derivative(vertex, rows);
                     *product = [[0.0; N]; 3];
                     add_product(block, rows, product);
                 }
@@ -254,7 +253,7 @@ impl VertexNormal {
                     add_product(&pair.block, &rows[b], &mut products[a]);
                     add_product(&pair.block.transpose(), &rows[a], &mut products[b]);
                 }
-                sum = outer_sum(rows, products, columns);
+                add_outer(rows, products, columns, &mut sum);
                 for (rows, force) in rows.iter().zip(forces) {
                     for axis in 0..3 {
                         for i in 0..N {
@@ -342,10 +341,9 @@ fn add_product<const N: usize>(block: &Matrix3<f64>, rows: &[[f64; N]; 3], produ
 /// Rows and columns of a block of the sum that fits the registers.
 const BLOCK: [usize; 2] = [4, 8];
 
-/// Σ leftᵀ rows over vertices, block by block up to the diagonal: what lies beyond it is not read.
+/// sum += Σ leftᵀ rows over vertices, block by block up to the diagonal: what lies beyond it is not read.
 #[inline(always)]
-fn outer_sum<const N: usize>(left: &[[[f64; N]; 3]], rows: &[[[f64; N]; 3]], columns: usize) -> [[f64; N]; N] {
-    let mut sum = [[0.0; N]; N];
+fn add_outer<const N: usize>(left: &[[[f64; N]; 3]], rows: &[[[f64; N]; 3]], columns: usize, sum: &mut [[f64; N]; N]) {
     for i in (0..columns).step_by(BLOCK[0]) {
         for j in (0..=i).step_by(BLOCK[1]) {
             let mut block = [[0.0; BLOCK[1]]; BLOCK[0]];
@@ -360,9 +358,8 @@ fn outer_sum<const N: usize>(left: &[[[f64; N]; 3]], rows: &[[[f64; N]; 3]], col
                 }
             }
             for (k, row) in block.iter().enumerate() {
-                sum[i + k][j..j + BLOCK[1]].copy_from_slice(row);
+                sum[i + k][j..j + BLOCK[1]].iter_mut().zip(row).for_each(|(s, value)| *s += value);
             }
         }
     }
-    sum
 }

@@ -82,8 +82,14 @@ impl Envelope {
     pub fn damp(&mut self, damping: f64) {
         for i in 0..self.size() {
             let at = self.start[i + 1] - 1;
-            self.values[at] += damping * self.values[at].max(1e-9);
+            self.values[at] += damping * self.damped(i);
         }
+    }
+
+    /// What damping scales: a diagonal entry, with its floor.
+    #[must_use]
+    pub fn damped(&self, i: usize) -> f64 {
+        self.values[self.start[i + 1] - 1].max(1e-9)
     }
 
     /// Turn the matrix into its Cholesky factor L, in place.

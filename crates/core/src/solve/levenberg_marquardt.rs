@@ -30,9 +30,9 @@ pub struct Options {
     pub max_iterations: usize,
     /// First damping, relative to the diagonal.
     pub initial_damping: f64,
-    /// Stop when a step lowers the cost by less than this share of it.
+    /// Stop when a step lowers the cost, or promises to, by less than this share of it.
     pub relative_decrease: f64,
-    /// Stop when a step lowers the cost by less than this.
+    /// Stop when a step lowers the cost, or promises to, by less than this.
     pub absolute_decrease: f64,
 }
 
@@ -45,9 +45,9 @@ impl Default for Options {
 /// Why it stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
-    /// The cost fell by less than the tolerance.
+    /// The cost fell by less than the tolerance, or no step promised more.
     Converged,
-    /// No damping gave a step that lowers the true cost.
+    /// No damping gave a step that lowers the true cost, as far as steps promised more than the tolerance.
     NoDescent,
     /// The iterations were used up.
     IterationLimit,
@@ -58,7 +58,7 @@ pub enum Stop {
 pub struct Iteration {
     /// Cost before the step.
     pub cost: f64,
-    /// Cost after the accepted step; the same if none was accepted.
+    /// Cost after the accepted step; the same if there was none.
     pub new_cost: f64,
     /// Damping of the accepted (or last) try.
     pub damping: f64,
@@ -80,46 +80,113 @@ pub struct Report {
 const MAX_DAMPING: f64 = 1e8;
 const MIN_DAMPING: f64 = 1e-9;
 
+/// The damping, ruled by how well the linear model foretells the cost (Nielsen 1999).
+struct Damping {
+    value: f64,
+    growth: f64,
+}
+
+impl Damping {
+    fn accept(&mut self, gain: f64) {
+        self.value = (self.value * (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 8.0)).max(MIN_DAMPING);
+        self.growth = 4.0;
+    }
+
+    fn reject(&mut self) {
+        self.value *= self.growth;
+        self.growth *= 2.0;
+    }
+}
+
 /// Lower the cost from `state`; a step is taken only if the true cost falls.
 pub fn levenberg_marquardt<P: Problem>(problem: &mut P, mut state: P::State, options: &Options) -> (P::State, Report) {
     let mut hessian = problem.structure();
     let mut gradient = vec![0.0; hessian.size()];
-    let mut damping = options.initial_damping;
+    let mut damping = Damping { value: options.initial_damping, growth: 4.0 };
     let mut report = Report { iterations: Vec::new(), cost: f64::INFINITY, stop: Stop::IterationLimit };
     for _ in 0..options.max_iterations {
         hessian.clear();
         gradient.fill(0.0);
         let cost = problem.linearize(&state, &mut hessian, &mut gradient);
-        report.cost = cost;
-        let mut rejected = 0;
-        let accepted = loop {
-            if let Some((next, lower)) = try_step(problem, &state, cost, &hessian, &gradient, damping) {
-                break Some((next, lower));
-            }
-            rejected += 1;
-            damping *= 8.0;
-            if damping > MAX_DAMPING {
-                break None;
-            }
-        };
-        let new_cost = accepted.as_ref().map_or(cost, |(_, lower)| *lower);
-        report.iterations.push(Iteration { cost, new_cost, damping, rejected });
+        let enough = options.absolute_decrease.max(options.relative_decrease * cost.abs());
+        let search = Search { problem, state: &state, cost, hessian: &hessian, gradient: &gradient, enough };
+        let (found, rejected) = search.descend(&mut damping);
+        let new_cost = if let Found::Step { cost: lower, .. } = &found { *lower } else { cost };
+        report.iterations.push(Iteration { cost, new_cost, damping: damping.value, rejected });
         report.cost = new_cost;
-        let Some((next, _)) = accepted else {
-            report.stop = Stop::NoDescent;
-            break;
-        };
-        state = next;
-        damping = (damping / 8.0).max(MIN_DAMPING);
-        if cost - new_cost < options.absolute_decrease.max(options.relative_decrease * cost.abs()) {
-            report.stop = Stop::Converged;
-            break;
+        match found {
+            Found::Step { state: next, gain, .. } => {
+                state = next;
+                damping.accept(gain);
+                if cost - new_cost < enough {
+                    report.stop = Stop::Converged;
+                    break;
+                }
+            }
+            Found::Nothing(stop) => {
+                report.stop = stop;
+                break;
+            }
         }
     }
     if report.iterations.is_empty() {
         report.cost = problem.cost(&state);
     }
     (state, report)
+}
+
+/// What a search from one linearization came to.
+enum Found<S> {
+    Step { state: S, cost: f64, gain: f64 },
+    Nothing(Stop),
+}
+
+/// The linearized problem at a state.
+struct Search<'a, P: Problem> {
+    problem: &'a mut P,
+    state: &'a P::State,
+    cost: f64,
+    hessian: &'a Envelope,
+    gradient: &'a [f64],
+    enough: f64,
+}
+
+impl<P: Problem> Search<'_, P> {
+    /// The first step, with ever more damping, that lowers the true cost; none once no step promises enough. Also how many
+    /// were rejected.
+    fn descend(self, damping: &mut Damping) -> (Found<P::State>, usize) {
+        let mut rejected = 0;
+        while damping.value <= MAX_DAMPING {
+            if let Some((step, promised)) = self.step(damping.value) {
+                if promised < self.enough {
+                    let stop = if rejected == 0 { Stop::Converged } else { Stop::NoDescent };
+                    return (Found::Nothing(stop), rejected);
+                }
+                let next = self.problem.retract(self.state, &step);
+                let lower = self.problem.cost(&next);
+                if lower < self.cost {
+                    let gain = (self.cost - lower) / promised;
+                    return (Found::Step { state: next, cost: lower, gain }, rejected);
+                }
+            }
+            rejected += 1;
+            damping.reject();
+        }
+        (Found::Nothing(Stop::NoDescent), rejected)
+    }
+
+    /// s = −(H + λD)⁻¹ g, and by how much the quadratic model falls there: −gᵀs − ½ sᵀHs = ½ (λ sᵀDs − gᵀs).
+    fn step(&self, damping: f64) -> Option<(Vec<f64>, f64)> {
+        let mut factor = self.hessian.clone();
+        factor.damp(damping);
+        factor.factorize().ok()?;
+        let mut step: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
+        factor.solve(&mut step);
+        let along: f64 = step.iter().zip(self.gradient).map(|(s, g)| s * g).sum();
+        let damped: f64 = step.iter().enumerate().map(|(i, s)| damping * self.hessian.damped(i) * s * s).sum();
+        let promised = 0.5 * (damped - along);
+        promised.is_finite().then_some((step, promised))
+    }
 }
 
 /// Covariance of chosen parameters at a state: rows and columns `chosen` of the inverse of the normal matrix, without the rest.
@@ -149,25 +216,4 @@ pub fn covariance<P: Problem>(problem: &mut P, state: &P::State, chosen: &[usize
         halves[i][from..].iter().zip(&halves[j][from..]).map(|(a, b)| a * b).sum()
     };
     Ok(DMatrix::from_fn(chosen.len(), chosen.len(), entry))
-}
-
-fn try_step<P: Problem>(
-    problem: &mut P,
-    state: &P::State,
-    cost: f64,
-    hessian: &Envelope,
-    gradient: &[f64],
-    damping: f64,
-) -> Option<(P::State, f64)> {
-    let mut factor = hessian.clone();
-    factor.damp(damping);
-    factor.factorize().ok()?;
-    let mut step: Vec<f64> = gradient.iter().map(|g| -g).collect();
-    factor.solve(&mut step);
-    if step.iter().any(|x| !x.is_finite()) {
-        return None;
-    }
-    let next = problem.retract(state, &step);
-    let lower = problem.cost(&next);
-    (lower < cost).then_some((next, lower))
 }

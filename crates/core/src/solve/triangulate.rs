@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::envelope::Envelope;
-use super::levenberg_marquardt::{Options, Problem, levenberg_marquardt};
+use super::levenberg_marquardt::{Options, Problem, covariance, levenberg_marquardt};
 use crate::camera::Camera;
 use crate::lie::Pose;
 use crate::raster::NEAR_M;
@@ -22,9 +22,12 @@ pub struct Sight {
     pub sigma_px: f64,
 }
 
-struct PointProblem<'a> {
-    sights: &'a [Sight],
-    kernel: Kernel,
+/// A point in the world from its pixels.
+pub struct PointProblem<'a> {
+    /// Where it was seen.
+    pub sights: &'a [Sight],
+    /// The robust kernel.
+    pub kernel: Kernel,
 }
 
 impl PointProblem<'_> {
@@ -85,10 +88,8 @@ pub fn triangulate(sights: &[Sight], kernel: Kernel) -> Option<(Vector3<f64>, Ma
     let start = nearest_to_rays(sights)?;
     let mut problem = PointProblem { sights, kernel };
     let (point, _) = levenberg_marquardt(&mut problem, start, &Options::default());
-    let mut hessian = Envelope::dense(3);
-    problem.linearize(&point, &mut hessian, &mut [0.0; 3]);
-    let information = Matrix3::from_fn(|i, j| hessian.get(i, j));
-    let covariance = information.try_inverse()?;
+    let found = covariance(&mut problem, &point, &[0, 1, 2]).ok()?;
+    let covariance = Matrix3::from_fn(|i, j| found[(i, j)]);
     let sane = point.iter().chain(covariance.iter()).all(|x| x.is_finite()) && covariance.diagonal().min() > 0.0;
     sane.then_some((point, covariance))
 }

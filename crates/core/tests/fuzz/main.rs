@@ -193,6 +193,7 @@ fn view(s: &mut Source, keypoints: usize) -> View {
         hidden: (0..area).map(|_| u8::from(s.chance(4))).collect(),
         border: (0..s.below(12)).map(|_| border(s)).collect(),
         keypoints: (0..s.below(4)).map(|_| seen(s)).collect(),
+        area_px: 0,
         border_length_px: 0.0,
         surface_sigma_px: 0.0,
     }
@@ -243,7 +244,7 @@ fn solver(s: &mut Source) {
     }
     let vertices = template.vertices(&found.state.z, &found.state.d);
     for view in views {
-        let iou = mask_iou(view, &found.state.world_from_object, &vertices, &template.topology.faces);
+        let iou = mask_iou(view, &found.state.world_from_object, &vertices, &template.topology);
         assert!((0.0..=1.0).contains(&iou), "IoU {iou}");
     }
 }

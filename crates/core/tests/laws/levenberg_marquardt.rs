@@ -1,14 +1,15 @@
 use meshslam_core::error::Error;
 use meshslam_core::solve::envelope::Envelope;
-use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Report, Stop, covariance, levenberg_marquardt};
+use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Stop, covariance, levenberg_marquardt};
 use nalgebra::{DMatrix, DVector};
 
 use crate::common::Random;
+use crate::problem::check_descent;
 
 /// ½ |f(x)|² of a function with its Jacobian.
-struct Squares<F: Fn(&[f64]) -> (Vec<f64>, DMatrix<f64>)> {
-    size: usize,
-    f: F,
+pub struct Squares<F: Fn(&[f64]) -> (Vec<f64>, DMatrix<f64>)> {
+    pub size: usize,
+    pub f: F,
 }
 
 impl<F: Fn(&[f64]) -> (Vec<f64>, DMatrix<f64>)> Problem for Squares<F> {
@@ -41,18 +42,7 @@ fn exact() -> Options {
     Options { max_iterations: 300, relative_decrease: 1e-14, absolute_decrease: 1e-20, ..Options::default() }
 }
 
-/// The cost falls with every iteration but perhaps the last, and each begins where the other ended.
-fn check_descent(report: &Report) {
-    for (k, iteration) in report.iterations.iter().enumerate() {
-        let last = k + 1 == report.iterations.len();
-        assert!(iteration.new_cost < iteration.cost || (last && report.stop == Stop::NoDescent));
-        assert!(iteration.new_cost <= iteration.cost);
-    }
-    assert!(report.iterations.windows(2).all(|pair| pair[0].new_cost == pair[1].cost));
-    assert!(report.iterations.last().is_none_or(|i| i.new_cost == report.cost));
-}
-
-fn rosenbrock(x: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
+pub fn rosenbrock(x: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
     let jacobian = DMatrix::from_row_slice(2, 2, &[-20.0 * x[0], 10.0, -1.0, 0.0]);
     (vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]], jacobian)
 }

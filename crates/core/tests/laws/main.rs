@@ -14,6 +14,7 @@ mod nearest;
 mod normal;
 mod object;
 mod outline;
+mod problem;
 mod raster;
 mod residuals;
 mod template;

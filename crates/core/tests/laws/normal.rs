@@ -76,7 +76,7 @@ fn pulls_gathered_over_vertices_give_what_rows_give_one_by_one() {
     let turned = random.rotation() * 0.7;
     let mut views = views(&template, &start(&template), 3);
     views[2] = cut_by_the_near_plane(&views[2], &state.world_from_object, &template, &vertices);
-    views.push(View { hidden: vec![1; views[0].hidden.len()], ..views[0].clone() }); // a border that no sample explains
+    views.push(View { hidden: vec![1; views[0].hidden.len()].into(), ..views[0].clone() }); // a border that no sample explains
     for (modes, velocity, free_form) in [
         (false, None, false),
         (true, None, false),

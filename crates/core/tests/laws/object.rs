@@ -1,5 +1,9 @@
+use std::sync::Arc;
+
 use meshslam_core::lie::Pose;
-use meshslam_core::object::{Model, ObjectProblem, ObjectState, Scope, mask_iou, refine, uncertainty};
+use meshslam_core::object::{
+    Block, Model, ObjectProblem, ObjectState, Scope, block_covariance, mask_iou, refine, uncertainty,
+};
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
 use meshslam_core::residuals::kernel::Kernel;
@@ -78,11 +82,11 @@ pub fn ground() -> Option<Ground> {
     Some(Ground { normal: Vector3::z(), offset_m: 0.15, height_sigma_m: 0.05, tilt_sigma_rad: 0.03 })
 }
 
-fn without_borders(views: &[View]) -> Vec<View> {
+pub fn without_borders(views: &[View]) -> Vec<View> {
     views.iter().map(|v| View { border: Vec::new(), ..v.clone() }.checked(6).unwrap()).collect()
 }
 
-fn without_keypoints(views: &[View]) -> Vec<View> {
+pub fn without_keypoints(views: &[View]) -> Vec<View> {
     views.iter().map(|v| View { keypoints: Vec::new(), ..v.clone() }).collect()
 }
 
@@ -351,6 +355,43 @@ fn centre_jacobian(problem: &ObjectProblem, template: &Template, state: &ObjectS
 }
 
 #[test]
+fn the_covariance_of_blocks_is_that_of_what_they_move() {
+    let (template, mut random) = (template(), Random(11));
+    let views = views(&template, &start(&template), 3);
+    let seen: Vec<&View> = views.iter().collect();
+    let state = disturbed(&template, &mut random, 0.3);
+    let blocks = [Block::Velocity, Block::FreeForm, Block::Pose, Block::Modes];
+    for scope in SCOPES {
+        let mut problem = ObjectProblem::new(&template, &seen, ground(), model(), scope);
+        let (hessian, _, _) = gradient_of(&mut problem, &state);
+        let size = hessian.size();
+        let inverse = DMatrix::from_fn(size, size, |i, j| hessian.get(i, j)).try_inverse().unwrap();
+        // what each parameter moves says which block it belongs to, and its place there
+        let moved: Vec<Vec<f64>> = (0..size)
+            .map(|k| {
+                let mut step = vec![0.0; size];
+                step[k] = 1e-6;
+                let next = problem.retract(&state, &step);
+                let pose = state.world_from_object.inverse().compose(&next.world_from_object).log();
+                let differences = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
+                let mut out = differences(next.velocity.as_slice(), state.velocity.as_slice());
+                out.extend(differences(&next.d, &state.d));
+                out.extend(pose.iter());
+                out.extend(differences(&next.z, &state.z));
+                out.iter().map(|x| x / 1e-6).collect()
+            })
+            .collect();
+        let jacobian = DMatrix::from_fn(moved[0].len(), size, |i, k| moved[k][i]);
+        let whole = &jacobian * inverse * jacobian.transpose();
+        let free: Vec<usize> = (0..whole.nrows()).filter(|&i| jacobian.row(i).amax() > 0.5).collect();
+        let expected = DMatrix::from_fn(free.len(), free.len(), |i, j| whole[(free[i], free[j])]);
+        let found = block_covariance(&template, &seen, ground(), model(), scope, &state, &blocks).unwrap();
+        assert_eq!(found.shape(), expected.shape());
+        assert!((&found - &expected).amax() < 1e-4 * expected.amax(), "{scope:?}");
+    }
+}
+
+#[test]
 fn vertex_sigmas_are_those_of_the_inverse() {
     let (template, mut random) = (template(), Random(9));
     let views = views(&template, &start(&template), 2);
@@ -402,7 +443,7 @@ fn mask_iou_is_that_of_the_drawn_masks() {
     let mut views = views(&template, &truth, 3);
     for (k, view) in views.iter_mut().enumerate() {
         if k == 1 {
-            view.hidden.iter_mut().enumerate().for_each(|(i, h)| *h = u8::from(i % 3 == 0)); // stripes
+            Arc::make_mut(&mut view.hidden).iter_mut().enumerate().for_each(|(i, h)| *h = u8::from(i % 3 == 0)); // stripes
         }
     }
     for view in &views {
@@ -419,7 +460,7 @@ fn mask_iou_is_that_of_the_drawn_masks() {
                 both += i32::from(drawn && observed);
                 either += i32::from(drawn || observed);
             }
-            let found = mask_iou(view, &state.world_from_object, &vertices, &template.topology.faces);
+            let found = mask_iou(view, &state.world_from_object, &vertices, &template.topology);
             assert!((found - f64::from(both) / f64::from(either)).abs() < 1e-12);
         }
     }

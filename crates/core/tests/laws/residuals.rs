@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use meshslam_core::lie::Pose;
 use meshslam_core::mesh::Topology;
 use meshslam_core::outline::{OutlineSample, outline};
@@ -239,9 +241,10 @@ fn slanted_view(scene: &Scene, border: Vec<meshslam_core::view::BorderPoint>) ->
         time_s: 0.0,
         crop,
         distance_px: (0..crop.area()).map(distance).collect(),
-        cut: vec![0; crop.area()],
-        hidden: vec![0; crop.area()],
+        cut: vec![0; crop.area()].into(),
+        hidden: vec![0; crop.area()].into(),
         border,
+        area_px: 0,
         border_length_px: 0.0,
         surface_sigma_px: 0.0,
         keypoints: Vec::new(),
@@ -316,7 +319,7 @@ fn an_outline_on_the_border_costs_nothing_and_a_shift_costs_its_length() {
     let (view, rows) = rows_of_a_box(
         1.0,
         |v| {
-            v.distance_px.iter_mut().for_each(|d| *d += 2.0);
+            Arc::make_mut(&mut v.distance_px).iter_mut().for_each(|d| *d += 2.0);
             v.border.clear();
             v.border.push(meshslam_core::view::BorderPoint { pixel: Vector2::zeros(), length: 100.0, own: true });
         },
@@ -350,7 +353,7 @@ fn a_larger_model_is_outside_and_a_smaller_one_inside_in_both_directions() {
 #[test]
 fn a_border_that_is_not_the_objects_own_only_says_at_least_this_far() {
     let not_own = |v: &mut View| {
-        v.cut.fill(1);
+        Arc::make_mut(&mut v.cut).fill(1);
         v.border.iter_mut().for_each(|p| p.own = false);
     };
     assert!(rows_of_a_box(1.15, not_own, &noise()).1.is_empty(), "larger is allowed");
@@ -360,7 +363,7 @@ fn a_border_that_is_not_the_objects_own_only_says_at_least_this_far() {
 
 #[test]
 fn samples_behind_an_occluder_pull_nothing() {
-    let (_, rows) = rows_of_a_box(1.15, |v| v.hidden.fill(1), &noise());
+    let (_, rows) = rows_of_a_box(1.15, |v| Arc::make_mut(&mut v.hidden).fill(1), &noise());
     assert!(rows.is_empty());
     assert!(rows.cost() > 0.0, "but the border that is seen is not explained");
 }

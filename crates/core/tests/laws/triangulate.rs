@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::common::{Random, camera, looking};
 
-fn sights(random: &mut Random, point: &Vector3<f64>, count: usize, sigma_px: f64) -> Vec<Sight> {
+pub fn sights(random: &mut Random, point: &Vector3<f64>, count: usize, sigma_px: f64) -> Vec<Sight> {
     (0..count)
         .map(|k| {
             let angle = 0.25 * k as f64 + random.uniform(-0.05, 0.05);

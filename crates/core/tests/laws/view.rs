@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use meshslam_core::error::Error;
 use meshslam_core::lie::Pose;
 use meshslam_core::raster::Rect;
@@ -16,9 +18,10 @@ fn view(width: usize, height: usize, random: &mut Random) -> View {
         time_s: 0.0,
         crop,
         distance_px: (0..crop.area()).map(|_| random.uniform(-5.0, 9.0) as f32).collect(),
-        cut: vec![0; crop.area()],
-        hidden: vec![0; crop.area()],
+        cut: vec![0; crop.area()].into(),
+        hidden: vec![0; crop.area()].into(),
         border: vec![border, BorderPoint { own: false, ..border }, BorderPoint { length: 1.5, ..border }],
+        area_px: 0,
         border_length_px: 0.0,
         surface_sigma_px: 0.0,
         keypoints: vec![KeypointObservation { index: 1, pixel: Vector2::new(50.0, 40.0), sigma_px: 1.0 }],
@@ -71,8 +74,8 @@ fn crops_of_one_pixel_are_crops() {
 #[test]
 fn marks_are_read_at_the_nearest_pixel() {
     let mut view = view(14, 9, &mut Random(4));
-    view.hidden[2 * 14 + 3] = 1;
-    view.cut[0] = 1;
+    Arc::make_mut(&mut view.hidden)[2 * 14 + 3] = 1;
+    Arc::make_mut(&mut view.cut)[0] = 1;
     assert!(view.is_hidden(&Vector2::new(43.4, 31.6)));
     assert!(!view.is_hidden(&Vector2::new(43.6, 31.6)));
     assert!(!view.is_hidden(&Vector2::new(0.0, 0.0)), "beyond the crop no occluder is known");
@@ -90,10 +93,11 @@ fn only_the_objects_own_border_counts() {
 #[test]
 fn fields_that_do_not_fit_are_refused() {
     type Break = fn(&mut View);
-    let lengths: [Break; 3] = [|v| v.distance_px.truncate(5), |v| v.cut.push(0), |v| v.hidden.clear()];
+    let lengths: [Break; 3] =
+        [|v| v.distance_px = [0.0; 5].into(), |v| v.cut = vec![0; 14 * 9 + 1].into(), |v| v.hidden = [].into()];
     let values: [Break; 9] = [
         |v| v.time_s = f64::NAN,
-        |v| v.distance_px[7] = f32::NAN,
+        |v| Arc::make_mut(&mut v.distance_px)[7] = f32::NAN,
         |v| v.world_from_camera.translation.y = f64::INFINITY,
         |v| v.world_from_camera.rotation[(1, 2)] = f64::NAN,
         |v| v.border[1].pixel.x = f64::NAN,
