@@ -93,12 +93,19 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
             tracked = stages.follow(blind, found, settings, bars)
         with clock.timing("localization"):
             result = slam_path(
-                recording, tracked, category, settings.localization, settings.slam, settings.mapping, bars
+                recording,
+                tracked,
+                category,
+                settings.localization,
+                settings.slam,
+                settings.mapping,
+                bars,
+                fixed_tracks=fixed,
             )
         height = recording.height_above_ground_m
         frames = Frames(recording.camera, recording.frame_ids, recording.times_s, result.world_from_camera, height)
         with clock.timing("mapping"):
-            mapping = stages.build_map(frames, tracked, settings, bars, fixed_tracks=fixed)
+            mapping = stages.build_map(frames, result.detections, settings, bars, fixed_tracks=fixed)
         stages.save(recording, frames, mapping, run)
         figures = stages.figures(recording, mapping, clock) | result.figures | evaluate_run(recording.root, run.folder)
         alone = {"initial": result.alone} if result.alone else {}

@@ -8,6 +8,7 @@ from typing import Literal
 from meshslam.geometry import NoiseModel
 from meshslam.localization.alignment import AlignmentConfig
 from meshslam.localization.point_tracks import PointConfig
+from meshslam.localization.revisit import RevisitConfig
 from meshslam.localization.road_speed import RoadConfig
 
 
@@ -37,7 +38,7 @@ class StartConfig:
     position_sigma_m: float = 0.02
     rotation_sigma_deg: float = 0.1  # roll and pitch
     heading_sigma_deg: float = 0.1
-    velocity_sigma_m_s: float = 0.03
+    velocity_sigma_m_s: float = 0.1
     # without initial_state.yaml
     unknown_tilt_sigma_deg: float = 3.0
     unknown_velocity_sigma_m_s: float = 0.5
@@ -98,8 +99,12 @@ class SlamConfig:
     retry_views: int = 4  # after a start that failed
     largest_cost: float = 3.0  # of a view, per independent observation
     minimum_mask_iou: float = 0.6
-    road_sigma_m: float = 0.10
+    nearer: float = 0.7  # an object's height over the road is taken anew where the camera is nearer by this factor
+    surface_sigma_m: float = 0.05  # twice mapping's: a car's views share what its surface is off
+    size_sigma: float = 1.0  # of what all cars of a place are larger than the category's mean, in its sigmas
+    whole_iterations: int = 8  # of the smoothing of the whole path, at the end
     lag_s: float = 4.0
+    revisit: RevisitConfig = field(default_factory=RevisitConfig)
     # without a map these are seen in turns only; looser, systematic errors of shapes move them
     time_offset_sigma_s: float = 0.005
     extrinsic_rotation_sigma_deg: float = 0.3

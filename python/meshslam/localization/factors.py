@@ -88,7 +88,7 @@ class SeenObject:
     """The cost of one view over camera_from_object and modes; a linearization serves until its image moves."""
 
     model: ObjectModel
-    view: View
+    view: View | None  # None: the last linearization serves for good
     noise: NoiseModel
     focal_px: float
     enabled: bool = True
@@ -100,14 +100,22 @@ class SeenObject:
         """Derivative (n + 1, n) over (translation, rotation, modes if z is given) and residual (n + 1,)."""
         weights = np.zeros(0) if z is None else z
         step = self._step(camera_from_object, weights)
-        if step is None or self._root is None:
+        if self.view is not None and (step is None or self._root is None):
             self.evaluations += 1
             self._root = self.model.square_root(self.view, self.noise, camera_from_object, z, modes=z is not None)
             self._at = camera_from_object, weights
             step = np.zeros(6 + len(weights))
+        assert step is not None
+        assert self._root is not None
         jacobian = self._root.root[:, :-1]
         residual: Floats = jacobian @ step + self._root.root[:, -1]
         return jacobian, residual
+
+    def freeze(self, camera_from_object: Pose, z: Floats) -> None:
+        """Linearize here for good, and let the view go."""
+        self._at = None
+        self.linearize(camera_from_object, z)
+        self.view = None
 
     def cost_share(self, camera_from_object: Pose, z: Floats | None = None) -> float:
         """Cost per independent observation: about 1/2 where the model is right."""
@@ -123,12 +131,15 @@ class SeenObject:
         turn = at.rotation.T @ camera_from_object.rotation
         moved = camera_from_object.translation - at.translation
         small = small_rotation(turn)
+        step = np.concatenate([at.rotation.T @ moved, small, z - old_z])
+        if self.view is None:
+            return step
         depth = max(float(at.translation[2]), 1.0)
         # the rotation of the relative pose moves the object's surface, about 2 m off its centre
         moved_m = max(map(abs, moved.tolist())) + 2.0 * max(map(abs, small.tolist()))
         if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > 0.02):
             return None
-        return np.concatenate([at.rotation.T @ moved, small, z - old_z])
+        return step
 
 
 def object_factor(

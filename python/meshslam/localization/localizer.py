@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.geometry import Camera, Pose, View
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import Correction, Sighting, correct
 from meshslam.localization.factors import SeenObject, place_camera
@@ -16,7 +17,7 @@ from meshslam.localization.frame_masks import FrameMasks, associate, frame_views
 from meshslam.localization.gtsam_bridge import adjoint
 from meshslam.localization.imu import Interval, Mounting, NavState, Preintegrator, predict
 from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.smoother import Smoother, SmootherBelief, start_covariance
+from meshslam.localization.smoother import Smoother, start_covariance
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples

@@ -15,6 +15,7 @@ from meshslam.localization.gradient import GradientLocalizer
 from meshslam.localization.imu import Mounting, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.known_objects import known_objects
+from meshslam.localization.landmarks import joined_tracks
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.relocalize import start_in_map
 from meshslam.localization.slam import Slam
@@ -120,10 +121,11 @@ def _figures(
 class SlamPath:
     """The camera's path among objects that were not known before."""
 
-    world_from_camera: tuple[Pose, ...]  # after smoothing over the lag
+    world_from_camera: tuple[Pose, ...]  # after smoothing over the whole run
     filtered: tuple[Pose, ...]  # as each was known when its frame came
     alone: tuple[Pose, ...]  # without objects: by IMU or odometry; empty by images alone
     alone_by: str  # its name
+    detections: DetectionSet  # tracks that show one object are one
     figures: dict[str, float]
 
 
@@ -135,8 +137,13 @@ def slam_path(
     slam: SlamConfig,
     mapping: MappingConfig,
     progress: Callable[[str, int, int], None] | None = None,
+    *,
+    fixed_tracks: bool = False,
 ) -> SlamPath:
-    """Estimate cameras and objects together, frame by frame; the detections carry tracks."""
+    """Estimate cameras and objects together, frame by frame, then smooth the whole path; the detections carry tracks.
+
+    `fixed_tracks`: track ids were given, so that no two are joined.
+    """
     given = slam_input(sequence, detections, config, slam)
     imu, by_frame, model = given.imu, detections.by_frame(), category_model(category)
 
@@ -157,12 +164,17 @@ def slam_path(
         gaps += report.has_gap
         if progress is not None:
             progress("slam", index + 1, len(sequence))
+    whole = system.finish()
+    one = {} if fixed_tracks else joined_tracks(system.landmarks, whole.same)
+    moved = {d.id: one[d.track_id] for d in detections.detections if d.track_id in one}
     figures: dict[str, float] = {
-        "objects_in_graph": len(system.objects),
+        "objects_in_graph": len(system.landmarks) - len({new for new, _ in whole.same}),
+        "objects_known_again": len({new for new, _ in whole.same}),
         "tracks_moving": len(system.moving),
         "frames_with_imu_gap": gaps,
     }
-    path = tuple(system.path[frame] for frame in sequence.frame_ids)
+    path = whole.world_from_camera
     world = given.world(path[0])
     alone = given.path_alone(start, config, world)
-    return SlamPath(moved_path(path, world), moved_path(tuple(filtered), world), alone, given.alone, figures)
+    smoothed, filtered_path = moved_path(path, world), moved_path(tuple(filtered), world)
+    return SlamPath(smoothed, filtered_path, alone, given.alone, detections.with_tracks(moved), figures)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,22 +12,21 @@ from meshslam.geometry import Camera, ObjectModel, Pose, View
 from meshslam.geometry.arrays import Bytes, Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
+from meshslam.localization.frame_masks import lowest, touch
 from meshslam.localization.imu import Mounting, NavState
+from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
 from meshslam.localization.motion import ImuMotion, MotionSource
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.road_odometry import RoadOdometry
-from meshslam.localization.smoother import Smoother
+from meshslam.localization.smoother import Smoother, WholePath
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.ground import road_points
-from meshslam.mapping.noise import estimated_noise
 from meshslam.mapping.observations import make_view
 from meshslam.mapping.reconstruct import Observed, Reconstruction, Scene, motion, reconstruct
 from meshslam.mapping.track import Track, make_views
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
-
-_TOUCH_PX = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +71,9 @@ class Slam:
     slam: SlamConfig
     mapping: MappingConfig
     path: dict[int, Pose] = field(default_factory=dict)
-    objects: dict[int, tuple[Pose, Floats]] = field(default_factory=dict)  # pose and modes, as last seen
+    landmarks: dict[int, Landmark] = field(default_factory=dict)
     moving: set[int] = field(default_factory=set)
+    same: list[tuple[int, int]] = field(default_factory=list)  # landmarks that are one object
     pictures: Pictures | None = None  # where there are images
     motion: MotionSource | None = None  # by IMU, if none is given
 
@@ -85,15 +85,19 @@ class Slam:
         )
         self._motion = self.motion or ImuMotion(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
-        self._smoother = Smoother(imu, self.config.start, lag, self.mounting)
+        self._smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
         ]
         height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
         self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
-        self._noise, self._left_over = self.mapping.noise, list[Floats]()
         self._candidates: dict[int, Candidate] = {}
+        self._growth = growth(self.category)
+        self._noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
+        self._in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
+        self._wheels: dict[int, Entry] = {}  # what ties a landmark to the road
+        self.odometer = Odometer()
         self._frame_ids: list[int] = []
         self._times: list[float] = []
 
@@ -114,11 +118,16 @@ class Slam:
 
     def first_state(self) -> NavState:
         """The first frame's state as it is now seen, while the lag still holds it."""
-        first, second = (self._smoother.estimate(k).state for k in (0, 1))
-        if isinstance(self._motion, ImuMotion):
+        first = self._smoother.estimate(0).state
+        if isinstance(self._motion, ImuMotion) or self._smoother.frame == 0:
             return first
+        second = self._smoother.estimate(1).state
         way = second.world_from_imu.translation - first.world_from_imu.translation
         return replace(first, velocity_in_world=way / (second.time_s - first.time_s))
+
+    def finish(self) -> WholePath:
+        """All frames so far, smoothed together with all that was seen; the run can go on."""
+        return self._smoother.whole_path(self.same, self.slam.whole_iterations)
 
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self._frame_ids.append(frame)
@@ -126,22 +135,25 @@ class Slam:
         self.path[frame] = self._smoother.estimate(self._smoother.frame).world_from_camera
         added: dict[int, tuple[Entry, SeenObject, int]] = {}
         for sight in self._sights(detections):
-            number = sight.detection.track_id
-            assert number is not None
-            if self._smoother.holds_object(number):
-                seen = self._seen(sight.view)
+            track = sight.detection.track_id
+            assert track is not None
+            number = self._in_view.get(track)
+            if number is not None:
+                seen = self._seen(sight, *self._smoother.object_state(number))
                 added[number] = self._smoother.see_shaped(seen, number, sight.index), seen, sight.index
-            elif number not in self.moving:
-                self._candidates.setdefault(number, Candidate()).sights.append(sight)
+            elif track not in self.moving:
+                self._candidates.setdefault(track, Candidate()).sights.append(sight)
         self._smoother.update()
         self._refuse(added)
-        for number in [n for n in self._candidates if self._ready(n)]:
-            self._start(number)
+        for track in [t for t in self._candidates if self._ready(t)]:
+            self._start(track)
         if self._road is not None and self.pictures is not None:
             self._road.step(self._smoother, self.pictures)
-        self._remember()
+        self._remember(added)
         self._smoother.close()
-        return SlamReport(frame, self.path[frame], tuple(sorted(added)), has_gap)
+        self._leave()
+        self._know_again()
+        return SlamReport(frame, self.odometer.map_from_odometry @ self.path[frame], tuple(sorted(added)), has_gap)
 
     def _sights(self, detections: Sequence[Detection]) -> list[Sight]:
         """Views of this frame's tracked detections; what hides them is told by the masks' lowest rows."""
@@ -151,22 +163,24 @@ class Slam:
         for detection in own:
             occluder = np.zeros((self.camera.height, self.camera.width), np.uint8)
             for other in detections:
-                if other.id != detection.id and _touch(other, detection) and _lowest(other) > _lowest(detection):
+                if other.id != detection.id and touch(other.bbox, detection.bbox) and lowest(other) > lowest(detection):
                     occluder |= masks[other.id]
             pose = Pose.identity()
             view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self.mapping)
             found.append(Sight(self._smoother.frame, detection, occluder, view))
         return found
 
-    def _seen(self, view: View) -> SeenObject:
-        return SeenObject(self.model, view, self._noise, self.camera.fx)
+    def _seen(self, sight: Sight, world_from_object: Pose, _z: Floats) -> SeenObject:
+        """A view with what the object's own shape and key points add to its noise at the depth where it now is.
 
-    def _learn_noise(self, views: list[View], found: Reconstruction) -> None:
-        """The masks' noise from what fits leave over, as in mapping."""
-        step = self.mapping.noise.outline_step_px
-        self._left_over += self.model.border_distances_px(views, found.state, step)
-        if self.mapping.estimate_noise:
-            self._noise = estimated_noise(self._left_over, self.mapping.border_step_px, self.mapping.noise)
+        A noise that followed the depth would make all that is nearer and smaller cost less.
+        """
+        world_from_camera = self._smoother.estimate(sight.index).world_from_camera
+        depth_m = max(1.0, float(world_from_camera.inverse().transform(world_from_object.translation)[2]))
+        metre_px = self.camera.fx / depth_m
+        view = sight.view.with_surface_sigma(self.slam.surface_sigma_m * metre_px)
+        view = view.with_keypoint_sigma(self.mapping.noise.keypoint_position_sigma_m * metre_px)
+        return SeenObject(self.model, view, self._noise, self.camera.fx)
 
     def _refuse(self, added: dict[int, tuple[Entry, SeenObject, int]]) -> None:
         """Drop this frame's views that fit badly where all factors agree."""
@@ -195,29 +209,42 @@ class Slam:
         first, last = (self.path[self._frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
         return float(np.linalg.norm(last - first)) >= self.slam.start_baseline_m
 
-    def _start(self, number: int) -> None:
+    def _start(self, track: int) -> None:
         """Initialize a track's object from its views at the current camera poses, and tie it into the graph."""
-        candidate = self._candidates[number]
+        candidate = self._candidates[track]
         found = self._reconstructed(candidate)
         if found is None:
             candidate.next_try = len(candidate.sights) + self.slam.retry_views
             return
-        del self._candidates[number]
+        del self._candidates[track]
         if isinstance(found, str):
-            self.moving.add(number)
+            self.moving.add(track)
             return
         pose, z = found.state.world_from_object, found.state.z
-        self._smoother.add_object(number, pose, z)
+        number = len(self.landmarks) + 1
+        size = np.ptp(self.model.vertices(found.state), axis=0)
+        self.landmarks[number] = Landmark(number, track, pose, z, size, len(candidate.sights))
+        self._in_view[track] = number
+        self._smoother.add_object(number, pose, z, self._growth, self.slam.size_sigma)
         for sight in candidate.sights:
-            self._smoother.see_shaped(self._seen(sight.view), number, sight.index)
-        if self.height_above_ground_m is not None:
-            bottom = float(self.model.vertices(found.state)[:, 2].min())
-            away = [float(np.linalg.norm(self._eye(s.index) - pose.translation)) for s in candidate.sights]
-            nearest = int(np.argmin(away))
-            sigma = float(np.hypot(self.slam.road_sigma_m, self.mapping.ground_slope_sigma * away[nearest]))
-            below = self.height_above_ground_m + bottom
-            self._smoother.stand_on_road(number, candidate.sights[nearest].index, below, sigma)
+            self._smoother.see_shaped(self._seen(sight, pose, z), number, sight.index)
         self._smoother.update()
+
+    def _stand(self, number: int) -> None:
+        """Put an object's wheels on the road, as seen from where the camera came nearest."""
+        landmark, height = self.landmarks[number], self.height_above_ground_m
+        away = float(
+            np.linalg.norm(self.path[self._frame_ids[-1]].translation - landmark.world_from_object.translation)
+        )
+        if height is None or away > self.slam.nearer * landmark.nearest_m:
+            return
+        landmark.nearest_m = away
+        if number in self._wheels:
+            self._smoother.window.drop([self._wheels[number]])
+        sigma = float(np.hypot(self.mapping.ground_height_sigma_m, self.mapping.ground_slope_sigma * away))
+        state = replace(self.model.state_at(landmark.world_from_object), z=landmark.z)
+        below = height + float(self.model.vertices(state)[:, 2].min())
+        self._wheels[number] = self._smoother.stand_on_road(number, self._smoother.frame, below, sigma)
 
     def _reconstructed(self, candidate: Candidate) -> Reconstruction | str | None:
         """The object of a track; "moves" if it does, None if it fits no object yet."""
@@ -248,26 +275,39 @@ class Slam:
             return None
         velocity, gain = motion(observed, scene, found)
         fast = float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s
-        if fast and gain > self.mapping.motion_gain:
-            return "moves"
-        self._learn_noise(views, found)
-        return found
+        return "moves" if fast and gain > self.mapping.motion_gain else found
 
-    def _eye(self, index: int) -> Floats:
-        return self._smoother.estimate(index).world_from_camera.translation
+    def _leave(self) -> None:
+        """Put landmarks that left the window where they now are in the map."""
+        for track, number in list(self._in_view.items()):
+            if not self._smoother.holds_object(number):
+                landmark = self.landmarks[number]
+                landmark.in_map = self.odometer.map_from_odometry @ landmark.world_from_object
+                del self._in_view[track]
+                self._wheels.pop(number, None)
 
-    def _remember(self) -> None:
+    def _know_again(self) -> None:
+        """Join landmarks in view with older ones, and lay the odometry's world anew in the map."""
+        if len(self.path) > 1:
+            last, now = (self.path[f].translation for f in self._frame_ids[-2:])
+            self.odometer.way_m += float(np.linalg.norm(now - last))
+        if not self.slam.revisit.enabled:
+            return
+        in_view = set(self._in_view.values())
+        found = known_again_in(self.landmarks, in_view, self.same, self.odometer, self.slam.revisit)
+        if found is not None:
+            self.same += found.pairs
+            self.odometer.map_from_odometry = found.correction @ self.odometer.map_from_odometry
+            self.odometer.known_at_m = self.odometer.way_m
+
+    def _remember(self, added: Iterable[int]) -> None:
         for index in self._smoother.frames:
             self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
-        for number in self._smoother.shaped_objects:
-            self.objects[number] = self._smoother.object_state(number)
         self._state = self._smoother.estimate(self._smoother.frame).state
-
-
-def _touch(one: Detection, other: Detection) -> bool:
-    (ax, ay, aw, ah), (bx, by, bw, bh) = one.bbox, other.bbox
-    return max(max(ax, bx) - min(ax + aw, bx + bw), max(ay, by) - min(ay + ah, by + bh)) < _TOUCH_PX
-
-
-def _lowest(detection: Detection) -> tuple[float, float]:
-    return round(detection.bbox[1] + detection.bbox[3], 1), detection.bbox[2] * detection.bbox[3]
+        for number in self._smoother.shaped_objects:
+            landmark = self.landmarks[number]
+            landmark.world_from_object, landmark.z = self._smoother.object_state(number)
+        for number in added:
+            self.landmarks[number].views += 1
+            self.landmarks[number].last_way_m = self.odometer.way_m
+            self._stand(number)

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
+from gtsam.symbol_shorthand import B, E, O, S, T, V, X, Z
 
-from meshslam.errors import MapError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
 from meshslam.localization.gtsam_bridge import OURS_FROM_GTSAM, from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.localization.imu import Interval, Mounting, NavState, RelativeMotion
+from meshslam.localization.past import Pair, Past, smooth_whole
 from meshslam.localization.point_factor import point_factor
 from meshslam.localization.point_tracks import PointBlock, PointConfig
 from meshslam.localization.way_factor import way_factor
-from meshslam.localization.window import Entry, Window
+from meshslam.localization.window import Entry, Window, linear_factor
 
-ROTATION, OFFSET = E(0), T(0)
+ROTATION, OFFSET, SIZE = E(0), T(0), S(0)
+WAY = "way"  # tag of factors of the camera's way
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +34,13 @@ class FrameEstimate:
     world_from_camera: Pose
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ViewTag:
     """A factor that is a view: of which object, in which frame."""
 
     number: int
     frame: int
+    seen: SeenObject
 
 
 @dataclass(frozen=True)
@@ -49,42 +52,11 @@ class PointTag:
 
 
 @dataclass(frozen=True, eq=False)
-class SmootherBelief:
-    """The newest state and the mounting with their joint information, as rows |A x - b|.
+class WholePath:
+    """All frames of a run, smoothed together."""
 
-    x: E (3), T (1), V (3), X (6: rotation, translation), B (6: accelerometer, gyroscope), steps from the values held.
-    """
-
-    state: NavState
-    rate_rad_s: Floats  # (3,), free of bias
-    mounting: Mounting
-    rows: Floats  # (n, 20), [A b]
-
-    def arrays(self) -> dict[str, Floats]:
-        """Plain arrays by name."""
-        s = self.state
-        return {
-            "time_s": np.array(s.time_s),
-            "world_from_imu": s.world_from_imu.matrix,
-            "velocity": s.velocity_in_world,
-            "biases": np.concatenate([s.accelerometer_bias, s.gyroscope_bias]),
-            "rate": self.rate_rad_s,
-            "imu_from_camera": self.mounting.imu_from_camera.matrix,
-            "time_offset_s": np.array(self.mounting.time_offset_s),
-            "rows": self.rows,
-        }
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, Floats]) -> SmootherBelief:
-        """The reverse of `arrays`; MapError names what is missing."""
-        try:
-            biases = arrays["biases"]
-            pose, mounted = Pose.from_matrix(arrays["world_from_imu"]), Pose.from_matrix(arrays["imu_from_camera"])
-            state = NavState(float(arrays["time_s"]), pose, arrays["velocity"], biases[:3], biases[3:])
-            mounting = Mounting(mounted, float(arrays["time_offset_s"]))
-            return SmootherBelief(state, arrays["rate"], mounting, arrays["rows"])
-        except KeyError as error:
-            raise MapError(f"a saved system lacks {error}") from None
+    world_from_camera: tuple[Pose, ...]
+    same: tuple[Pair, ...]  # objects that are one
 
 
 def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
@@ -99,14 +71,24 @@ def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
 class Smoother:
     """States of the last seconds; frames are numbered from 0 in the order in which they come."""
 
-    def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
+    def __init__(
+        self,
+        imu: ImuConfig,
+        start: StartConfig,
+        lag: SmootherConfig,
+        mounting: Mounting,
+        *,
+        keep_past: bool = False,
+    ) -> None:
         self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
         self.window = Window()
+        self.past = Past() if keep_past else None
         self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
         self._times: dict[int, float] = {}
         self._memos: dict[int, CameraMemo] = {}
         self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
-        self._shaped: set[int] = set()  # those whose modes are estimated too
+        self._shaped: dict[int, list[ViewTag]] = {}  # those whose modes are estimated too, and their views
+        self._cameras: dict[int, Pose] = {}  # world_from_camera of each frame as it was when it left
         self.frame = -1
 
     def begin(self, state: NavState, rate_rad_s: Floats) -> None:
@@ -154,26 +136,35 @@ class Smoother:
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
         factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
-        self.window.add(factor, ViewTag(number, self.frame))
+        self.window.add(factor, ViewTag(number, self.frame, seen))
 
-    def add_object(self, number: int, world_from_object: Pose, z: Floats) -> None:
-        """An object that is mapped along: its pose is free, its modes have their prior N(0, I)."""
+    def add_object(self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float) -> None:
+        """An object that is mapped along: its pose is free, its modes z ~ N(s g, I).
+
+        g (modes,), of unit length, makes an object larger as a whole; s ~ N(0, size_sigma^2) is one for all objects:
+        the cars of a place may all be larger than the category's mean, which else would be a measure of length.
+        """
         values, noise = self.window.values, gtsam.noiseModel
         values.insert(O(number), to_pose3(world_from_object))
         values.insert(Z(number), z)
         loose = noise.Diagonal.Sigmas(np.array([1.0] * 3 + [10.0] * 3))
         self.window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
-        self.window.add(gtsam.PriorFactorVector(Z(number), np.zeros(len(z)), noise.Unit.Create(len(z))))
+        if not values.exists(SIZE):
+            values.insert(SIZE, np.zeros(1))
+            self.window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))
+        self.window.add(linear_factor(Z(number), np.eye(len(z)), SIZE, -growth[:, None]))
         self._objects[number] = self.frame
-        self._shaped.add(number)
+        self._shaped[number] = []
 
     def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
         """A view, in a frame that is held, of an object that is mapped along."""
         keys, memo = self._camera_keys(frame), self._memos[frame]
         self._objects[number] = max(frame, self._objects[number])
-        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), ViewTag(number, frame))
+        tag = ViewTag(number, frame, seen)
+        self._shaped[number].append(tag)
+        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), tag)
 
-    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> Entry:
         """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
         unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
 
@@ -186,7 +177,7 @@ class Smoother:
                 jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
             return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
 
-        self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+        return self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
 
     def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
         """Corners of a block of frames; what was said of the open block before is replaced."""
@@ -195,13 +186,14 @@ class Smoother:
         self.window.drop([e for e in points if e.tag == tag])
         self.window.settle([e for e in points if e.tag != tag])
         if block.tracks and block.first in self._times:
-            keys = {f: self._camera_keys(f) for f in self._times}
-            self.window.add(point_factor(block, keys, self._memos, camera, config), tag)
+            frames = range(block.first, block.last + 1)
+            keys, memos = {f: self._camera_keys(f) for f in frames}, {f: self._memos[f] for f in frames}
+            self.window.add(point_factor(block, keys, memos, camera, config), tag)
 
     def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
         """The camera came so far from one frame to another, both of which are held."""
-        keys = [self._camera_keys(first)[0], self._camera_keys(second)[0]]
-        self.window.add(way_factor(keys, self._arm, way_m, sigma_m))
+        self.window.settle([e for e in self.window.entries if e.tag == WAY])
+        self.window.add(way_factor([X(first), X(second)], self._arm, way_m, sigma_m), WAY)
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
@@ -228,13 +220,30 @@ class Smoother:
         gone = [f for f, t in self._times.items() if t < oldest]
         keys = {key for f in gone for key in (X(f), V(f), B(f))}
         for frame in gone:
-            del self._times[frame], self._rates[frame], self._memos[frame]
+            self._cameras[frame] = self.estimate(frame).world_from_camera
+            del self._times[frame], self._memos[frame]
         unseen = [n for n, last in self._objects.items() if last not in self._times]
         for number in unseen:
             del self._objects[number]
+            self._freeze(number)
         shaped = {Z(n) for n in unseen if n in self._shaped}
-        self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
-        self._shaped -= set(unseen)
+        keys |= {O(n) for n in unseen} | shaped
+        if self.past is None:
+            self.window.marginalize(keys)
+        else:
+            self.past.take(self.window, keys)
+        for number in unseen:
+            self._shaped.pop(number, None)
+
+    def _freeze(self, number: int) -> None:
+        """Linearize an object's views for good where it is now that all have spoken."""
+        views = self._shaped.get(number, [])
+        for tag in views:
+            pose, z = self.object_state(number)
+            camera = (
+                self._cameras[tag.frame] if tag.frame in self._cameras else self.estimate(tag.frame).world_from_camera
+            )
+            tag.seen.freeze(camera.inverse() @ pose, z)
 
     def belief(self) -> SmootherBelief:
         """Take all but the newest state and the mounting out; what the others said stays."""
@@ -248,8 +257,8 @@ class Smoother:
         rows = np.asarray(self.window.linearized().augmentedJacobian(ordering))
         estimate = self.estimate(newest)
         for frame in [f for f in self._times if f != newest]:
-            del self._times[frame], self._rates[frame], self._memos[frame]
-        self._objects, self._shaped = {}, set()
+            del self._times[frame], self._memos[frame]
+        self._objects, self._shaped = {}, {}
         return SmootherBelief(estimate.state, self._rates[newest], self.mounting(), rows)
 
     def resume(self, belief: SmootherBelief) -> None:
@@ -282,6 +291,17 @@ class Smoother:
         mounting = self.mounting()
         camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
         return FrameEstimate(state, camera.pose)
+
+    def whole_path(self, same: Sequence[Pair], iterations: int) -> WholePath:
+        """Smooth over all frames and objects there were, `same` being pairs of objects that are one."""
+        assert self.past is not None
+        values, held = smooth_whole(self.past, self.window, same, iterations)
+        turn, offset = Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0])
+        cameras = [
+            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
+            for f, rate in sorted(self._rates.items())
+        ]
+        return WholePath(tuple(cameras), held)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""

@@ -13,11 +13,11 @@ import numpy as np
 from meshslam.errors import MapError, SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.imu import Mounting, rate_at, state_of_camera
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
-from meshslam.localization.smoother import SmootherBelief
 from meshslam.maps import Map
 from meshslam.maps.atomic import write_atomically
 from meshslam.perception import Detection
