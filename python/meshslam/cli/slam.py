@@ -87,6 +87,7 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
     with progress_bars() as bars:
         with clock.timing("perception"):
             found, fixed = stages.perceive(recording, settings, run, bars)
+        stages.say_notes(recording, found, settings)
         with clock.timing("tracking"):
             # known poses beyond the first are not for SLAM, unless they are its odometry
             blind = recording if settings.slam.poses == "odometry" else replace(recording, world_from_camera=None)

@@ -153,7 +153,7 @@ def slam_path(
         return Slam(*known, settings, given.slam, mapping, pictures=given.pictures, motion=given.motion)
 
     start, config = slam_start(given, {category.name: category.dimensions[2]}, fresh, config, progress)
-    system, filtered, gaps = fresh(config), [], 0
+    system, filtered, gaps, without = fresh(config), [], 0, 0
     for index, frame in enumerate(sequence.frame_ids):
         found = by_frame.get(frame, ())
         if index == 0:
@@ -162,6 +162,7 @@ def slam_path(
             report = system.process(frame, float(sequence.times_s[index]), imu, found)
         filtered.append(report.world_from_camera)
         gaps += report.has_gap
+        without += not report.objects
         if progress is not None:
             progress("slam", index + 1, len(sequence))
     whole = system.finish()
@@ -172,6 +173,12 @@ def slam_path(
         "objects_known_again": len({new for new, _ in whole.same}),
         "tracks_moving": len(system.moving),
         "frames_with_imu_gap": gaps,
+        "frames_without_objects": without,
+        # what says how long the way is
+        "scale_by_imu": float(given.alone == "IMU alone"),
+        "scale_by_odometry": float(given.alone == "odometry alone"),
+        "scale_by_objects": float(len(system.landmarks)),
+        "scale_by_ways_on_road": float(system.ways_on_road),
     }
     path = whole.world_from_camera
     world = given.world(path[0])

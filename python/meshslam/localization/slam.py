@@ -116,6 +116,11 @@ class Slam:
                 self._smoother.follow_points(block, self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
+    @property
+    def ways_on_road(self) -> int:
+        """How many steps of the camera the road's texture measured."""
+        return 0 if self._road is None else self._road.ways
+
     def first_state(self) -> NavState:
         """The first frame's state as it is now seen, while the lag still holds it."""
         first = self._smoother.estimate(0).state
