@@ -16,14 +16,14 @@ _LEAST_PARALLAX_PX = 0.3  # in the median, once the turn is taken off: below it 
 def two_views(matches: Floats, camera: Camera) -> Pose:
     """first_from_second from corners (n, 2, 2) px in both; the translation is a unit vector, or 0 where it stands.
 
-    By the essential matrix (Nister 2004) with RANSAC; the identity with fewer than 12 corners.
+    By the essential matrix (Nister 2004), RANSAC and a fit to all that agree; the identity with fewer than 12 corners.
     """
     if len(matches) < _LEAST_MATCHES:
         return Pose.identity()
     rays = camera.rays(matches)
     first, second = (np.ascontiguousarray(rays[:, i, :2] / rays[:, i, 2:]) for i in range(2))
     cv2.setRNGSeed(0)
-    found = cv2.findEssentialMat(first, second, np.eye(3), cv2.RANSAC, _CONFIDENCE, _INLIER_PX / camera.fx)
+    found = cv2.findEssentialMat(first, second, np.eye(3), cv2.USAC_ACCURATE, _CONFIDENCE, _INLIER_PX / camera.fx)
     essential, inliers = found[0], found[1]
     if essential is None or essential.shape != (3, 3):
         return Pose.identity()
