@@ -28,6 +28,8 @@ from meshslam.cli.options import (
 if TYPE_CHECKING:
     from meshslam.cli.config import Config
 
+_MAPPING_SOLVER = {"smoother": "residuals", "gradient": "gradient"}  # that goes with localization's
+
 
 def slam(
     sequence: SequenceFolder = None,
@@ -41,6 +43,9 @@ def slam(
     keypoints: Keypoints = None,
     poses: Annotated[
         str | None, typer.Option(help="none, or odometry: known poses tell each step, with noise, instead of the IMU.")
+    ] = None,
+    solver: Annotated[
+        str | None, typer.Option(help="smoother, or gradient: the paper's joint problem, by gradient descent.")
     ] = None,
     config: ConfigFile = None,
     overwrite: Overwrite = False,
@@ -66,6 +71,10 @@ def slam(
     settings = with_keypoint_network(settings, keypoints)
     if poses is not None:
         settings = replace(settings, slam=overlaid(settings.slam, {"poses": poses}, "--poses"))
+    if solver is not None:
+        chosen = overlaid(settings.localization, {"solver": solver}, "--solver")
+        mapping = overlaid(settings.mapping, {"solver": _MAPPING_SOLVER[chosen.solver]}, "--solver")
+        settings = replace(settings, localization=chosen, mapping=mapping)
     show_figures(run_slam(settings, out, overwrite=overwrite), out, as_json=json)
 
 
@@ -110,7 +119,8 @@ def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float
         stages.save(recording, frames, mapping, run)
         figures = stages.figures(recording, mapping, clock) | result.figures | evaluate_run(recording.root, run.folder)
         alone = {"initial": result.alone} if result.alone else {}
-        figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered})
+        by_iteration = {f"iteration_{k:02d}": path for k, path in enumerate(result.iterations)}
+        figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
         drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
         save_map_report(recording, frames, mapping, settings.input.category, figures, run, drawn)
     run.save("metrics.json", stages.metrics_json(figures))

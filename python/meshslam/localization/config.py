@@ -129,4 +129,5 @@ class LocalizationConfig:
     keypoint_position_sigma_m: float = 0.02  # of a map's key points
     use_map_covariance: bool = True  # objects with a covariance are estimated along, else they are fixed
     gradient_iterations: int = 20  # of the solver `gradient`, a frame
+    joint_gradient_iterations: int = 20  # of the solver `gradient` in SLAM
     gradient_keypoint_weight: float = 0.01  # of a squared residual in sigmas, against a mask's IoU

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from meshslam.categories import Category
+from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, log_so3
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.gauge import level_from_world, moved_map, moved_path, moved_sequence
 from meshslam.localization.gradient import GradientLocalizer
-from meshslam.localization.imu import Mounting, check_imu
+from meshslam.localization.imu import Mounting, NavState, check_imu
 from meshslam.localization.inertial import inertial_path, start_state
+from meshslam.localization.joint_gradient import joint_descent
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.landmarks import joined_tracks
 from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.relocalize import start_in_map
 from meshslam.localization.slam import Slam
-from meshslam.localization.slam_input import slam_input, slam_start
-from meshslam.mapping import MappingConfig, category_model
+from meshslam.localization.slam_input import SlamInput, slam_input, slam_start
+from meshslam.mapping import Frames, MappingConfig, category_model, map_objects
 from meshslam.maps import Map
 from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
@@ -127,6 +129,7 @@ class SlamPath:
     alone_by: str  # its name
     detections: DetectionSet  # tracks that show one object are one
     figures: dict[str, float]
+    iterations: tuple[tuple[Pose, ...], ...] = ()  # gradient solver: the path after each iteration
 
 
 def slam_path(
@@ -153,6 +156,8 @@ def slam_path(
         return Slam(*known, settings, given.slam, mapping, pictures=given.pictures, motion=given.motion)
 
     start, config = slam_start(given, {category.name: category.dimensions[2]}, fresh, config, progress)
+    if config.solver == "gradient":
+        return _by_gradient(given, start, category, config, mapping, progress, fixed_tracks=fixed_tracks)
     system, filtered, gaps, without = fresh(config), [], 0, 0
     for index, frame in enumerate(sequence.frame_ids):
         found = by_frame.get(frame, ())
@@ -185,3 +190,34 @@ def slam_path(
     alone = given.path_alone(start, config, world)
     smoothed, filtered_path = moved_path(path, world), moved_path(tuple(filtered), world)
     return SlamPath(smoothed, filtered_path, alone, given.alone, detections.with_tracks(moved), figures)
+
+
+def _by_gradient(
+    given: SlamInput,
+    start: NavState,
+    category: Category,
+    config: LocalizationConfig,
+    mapping: MappingConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+    *,
+    fixed_tracks: bool,
+) -> SlamPath:
+    """The paper's joint problem, from odometry alone and the objects that are mapped along it."""
+    sequence, first = given.sequence, given.path_alone(start, config, Pose.identity())
+    if not first:
+        raise SequenceError(
+            f"{sequence.root}: --solver gradient starts from odometry: an IMU (imu.csv, oxts, or --imu FILE) or known "
+            "poses (--poses odometry) are needed"
+        )
+    height = sequence.height_above_ground_m
+    frames = Frames(sequence.camera, sequence.frame_ids, sequence.times_s, first, height)
+    by_descent = replace(mapping, solver="gradient")
+    found = map_objects(frames, given.detections, category, by_descent, fixed_tracks=fixed_tracks, progress=progress)
+    weight, count = config.gradient_keypoint_weight, config.joint_gradient_iterations
+    paths: tuple[tuple[Pose, ...], ...] = (first,)
+    if len(found.map):
+        paths = joint_descent(sequence, found.detections, first, found.map, weight, count, progress)
+    world = given.world(paths[-1][0])
+    moved = tuple(moved_path(path, world) for path in paths)
+    figures: dict[str, float] = {"objects_in_graph": len(found.map), "iterations": len(paths) - 1}
+    return SlamPath(moved[-1], moved[-1], moved[0], given.alone, found.detections, figures, moved)
