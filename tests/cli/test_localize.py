@@ -51,7 +51,7 @@ def test_localize_writes_a_run(drive, tmp_path):
     figures = json.loads(done("localize", drive, "--map", drive / "objects.json", "--out", run, "--json").stdout)
     assert figures["ate_rmse_m"] < 0.1
     assert len((run / "trajectory.tum").read_text().splitlines()) == 6
-    for name in ("detections.json", "metrics.json", "config.yaml", "report.html", "camera.yaml"):
+    for name in ("detections.json", "metrics.json", "config.yaml", "report.html", "camera.yaml", "path.png"):
         assert (run / name).is_file()
     assert not (run / "map.json").exists()
     assert "IMU alone" in (run / "report.html").read_text()
