@@ -7,7 +7,7 @@ from meshslam.geometry import Camera, Pose, exp_so3
 from meshslam.localization.correction import retracted
 from meshslam.localization.factors import CameraMemo
 from meshslam.localization.gtsam_bridge import to_pose3
-from meshslam.localization.point_factor import linearize, point_factor, square_root, triangulate
+from meshslam.localization.point_factor import linearize, point_factor, square_root, triangulate, triangulated
 from meshslam.localization.point_tracks import PointBlock, PointConfig
 
 CAMERA = Camera(width=1240, height=370, fx=720.0, fy=720.0, cx=610.0, cy=172.0)
@@ -50,11 +50,11 @@ def test_what_does_not_part_is_at_infinity(rng):
 def test_the_cost_knows_no_scale_place_or_heading(rng):
     cameras = ride(rng)
     _, pixels = scene(rng, cameras, noise_px=0.7)
-    cost = linearize(pixels, cameras, CAMERA, CONFIG).cost
+    cost = triangulated(pixels, cameras, CAMERA, CONFIG).cost()
     moved = Pose(exp_so3(np.array([0.3, -0.8, 0.5])), np.array([10.0, -4.0, 2.0]))
     for scale in (0.3, 1.0, 2.5):
         others = [moved @ Pose(c.rotation, scale * c.translation) for c in cameras]
-        assert linearize(pixels, others, CAMERA, CONFIG).cost == pytest.approx(cost, rel=1e-6)
+        assert triangulated(pixels, others, CAMERA, CONFIG).cost() == pytest.approx(cost, rel=1e-6)
 
 
 def test_the_gradient_is_that_of_the_reduced_cost(rng):
@@ -63,7 +63,7 @@ def test_the_gradient_is_that_of_the_reduced_cost(rng):
     cameras = ride(rng)
     _, pixels = scene(rng, cameras, noise_px=0.5)
     cameras = [retracted(c, rng.normal(0, 1e-3, 6)) for c in cameras]
-    found = linearize(pixels, cameras, CAMERA, config)
+    found = linearize(triangulated(pixels, cameras, CAMERA, config), CAMERA, config)
     numeric = np.zeros(len(found.gradient))
     for i in range(len(numeric)):
         costs = []
@@ -71,7 +71,7 @@ def test_the_gradient_is_that_of_the_reduced_cost(rng):
             step = np.zeros(6)
             step[i % 6] = sign * 1e-6
             moved = [retracted(c, step) if k == i // 6 else c for k, c in enumerate(cameras)]
-            costs.append(linearize(pixels, moved, CAMERA, config).cost)
+            costs.append(triangulated(pixels, moved, CAMERA, config).cost())
         numeric[i] = (costs[0] - costs[1]) / 2e-6
     assert np.allclose(found.gradient, numeric, rtol=2e-2, atol=2e-3 * np.abs(numeric).max())
 
@@ -79,10 +79,10 @@ def test_the_gradient_is_that_of_the_reduced_cost(rng):
 def test_wild_tracks_hardly_count(rng):
     cameras = ride(rng)
     _, pixels = scene(rng, cameras, noise_px=0.5)
-    clean = linearize(pixels, cameras, CAMERA, CONFIG)
+    clean = linearize(triangulated(pixels, cameras, CAMERA, CONFIG), CAMERA, CONFIG)
     wild = pixels[:4].copy()
     wild[:, 2] += 60.0
-    more = linearize(np.concatenate([pixels, wild]), cameras, CAMERA, CONFIG)
+    more = linearize(triangulated(np.concatenate([pixels, wild]), cameras, CAMERA, CONFIG), CAMERA, CONFIG)
     assert np.linalg.norm(more.gradient - clean.gradient) < 0.1 * np.linalg.norm(clean.gradient)
 
 

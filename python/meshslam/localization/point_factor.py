@@ -7,7 +7,7 @@ away (Mourikis and Roumeliotis 2007).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
@@ -59,39 +59,44 @@ def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tupl
     return np.where(finite[:, None], points, toward.mean(1)), finite
 
 
-def linearize(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> Linearized:
-    """Tracks (n, m, 2) of m cameras, each with Geman and McClure's weight."""
-    seen, finite, by_point, residual = _at_points(pixels, cameras, camera, config)
-    count, length = pixels.shape[:2]
-    shifted = np.broadcast_to(-np.eye(3) * finite[:, None, None, None], (*seen.shape, 3))
-    moved = np.concatenate([shifted, _hats(seen)], axis=3)
-    by_camera, index = np.zeros((count, length, 2, length, 6)), np.arange(length)
-    by_camera[:, index, :, index] = (_projection(seen, camera) / config.sigma_px @ moved).transpose(1, 0, 2, 3)
-    left = _projected_out(by_point, by_camera.reshape(count, 2 * length, 6 * length))
-    right = _projected_out(by_point, residual[..., None])
-    soft = _softened(right, config)
-    left, right = left / soft[:, None, None], right / soft[:, None, None]
-    across, cost = left.transpose(0, 2, 1), 0.5 * float((soft * (right**2).sum((1, 2))).sum())
-    return Linearized((across @ left).sum(0), (across @ right).sum(0)[:, 0], cost)
+@dataclass(frozen=True, eq=False)
+class Triangulated:
+    """Tracks with their points, as cameras see them; whitened."""
+
+    seen: Floats  # (n, m, 3), points in the cameras
+    finite: Bools  # (n,)
+    by_point: Floats  # (n, 2 m, 3)
+    rest: Floats  # (n, 2 m, 1), residuals with what a move of the point explains taken away
+    soft: Floats  # (n,), 1 + r^2 / k^2, r^2 being the residual's square per degree of freedom
+
+    def cost(self) -> float:
+        """Geman and McClure's, of all tracks."""
+        return 0.5 * float(((self.rest**2).sum((1, 2)) / self.soft).sum())
 
 
-def cost_of(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> float:
-    """The cost of `linearize` alone."""
-    _, _, by_point, residual = _at_points(pixels, cameras, camera, config)
-    right = _projected_out(by_point, residual[..., None])
-    return 0.5 * float(((right**2).sum((1, 2)) / _softened(right, config)).sum())
-
-
-def _at_points(
-    pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig
-) -> tuple[Floats, Bools, Floats, Floats]:
-    """Points in the cameras (n, m, 3), which are finite, whitened derivatives over them and residuals (n, 2 m)."""
+def triangulated(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config: PointConfig) -> Triangulated:
+    """Tracks (n, m, 2) of m cameras."""
     points, finite = triangulate(pixels, cameras, camera)
     rotations, eyes = _stacked(cameras)
     seen = _in_cameras(points, rotations, finite[:, None, None] * eyes)
     residual = ((camera.project(_before(seen)) - pixels) / config.sigma_px).reshape(len(pixels), -1)
     by_point = _projection(seen, camera) / config.sigma_px @ rotations.transpose(0, 2, 1)[None]
-    return seen, finite, by_point.reshape(len(pixels), -1, 3), residual
+    by_point = by_point.reshape(len(pixels), -1, 3)
+    rest = _projected_out(by_point, residual[..., None])
+    soft: Floats = 1.0 + (rest**2).sum((1, 2)) / ((rest.shape[1] - 3) * config.kernel**2)
+    return Triangulated(seen, finite, by_point, rest, soft)
+
+
+def linearize(at: Triangulated, camera: Camera, config: PointConfig) -> Linearized:
+    """Normal equations of tracks, each with Geman and McClure's weight."""
+    count, length = at.seen.shape[:2]
+    shifted = np.broadcast_to(-np.eye(3) * at.finite[:, None, None, None], (*at.seen.shape, 3))
+    moved = np.concatenate([shifted, _hats(at.seen)], axis=3)
+    by_camera, index = np.zeros((count, length, 2, length, 6)), np.arange(length)
+    by_camera[:, index, :, index] = (_projection(at.seen, camera) / config.sigma_px @ moved).transpose(1, 0, 2, 3)
+    left = _projected_out(at.by_point, by_camera.reshape(count, 2 * length, 6 * length)) / at.soft[:, None, None]
+    across, right = left.transpose(0, 2, 1), at.rest / at.soft[:, None, None]
+    return Linearized((across @ left).sum(0), (across @ right).sum(0)[:, 0], at.cost())
 
 
 def _projected_out(by_point: Floats, rows: Floats) -> Floats:
@@ -103,10 +108,12 @@ def _projected_out(by_point: Floats, rows: Floats) -> Floats:
     return rest
 
 
-def _softened(right: Floats, config: PointConfig) -> Floats:
-    """1 + r^2 / k^2 of each track; r^2 per degree of freedom."""
-    soft: Floats = 1.0 + (right**2).sum((1, 2)) / ((right.shape[1] - 3) * config.kernel**2)
-    return soft
+@dataclass
+class _Last:
+    """What a factor was last asked for: GTSAM asks for the cost, then for the derivatives of the same values."""
+
+    key: bytes = b""
+    at: list[Triangulated] = field(default_factory=list)
 
 
 def point_factor(
@@ -124,14 +131,19 @@ def point_factor(
     keys = [keys_of[f][0] for f in frames] + list(keys_of[block.first][2:])
     rows = 6 * len(frames) + 1
 
+    last = _Last()
+
     def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         places = [memo_of[f].place(values, keys_of[f]) for f in frames]
         cameras = [place.pose for place in places]
+        key = b"".join(pose.matrix.tobytes() for pose in cameras)
+        if key != last.key:
+            last.key = key
+            last.at = [triangulated(t, cameras[: t.shape[1]], camera, config) for t in block.tracks]
+        cost = sum(at.cost() for at in last.at)
         if jacobians is None:
-            cost = sum(cost_of(t, cameras[: t.shape[1]], camera, config) for t in block.tracks)
             return np.append(np.zeros(rows - 1), np.sqrt(2 * cost))
-        parts = [linearize(t, cameras[: t.shape[1]], camera, config) for t in block.tracks]
-        cost = sum(part.cost for part in parts)
+        parts = [linearize(at, camera, config) for at in last.at]
         hessian, gradient = np.zeros((rows - 1, rows - 1)), np.zeros(rows - 1)
         for part in parts:
             size = len(part.gradient)
