@@ -14,6 +14,7 @@ from meshslam.localization.localizer import FrameReport, Localizer
 from meshslam.localization.notes import imu_notes, object_notes
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
+from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
 from meshslam.localization.system import Frame, State, System, SystemConfig
 
 __all__ = [
@@ -28,6 +29,9 @@ __all__ = [
     "Slam",
     "SlamConfig",
     "SlamPath",
+    "SlamState",
+    "SlamSystem",
+    "SlamSystemConfig",
     "SmootherConfig",
     "StartConfig",
     "State",

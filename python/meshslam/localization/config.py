@@ -104,10 +104,12 @@ class SlamConfig:
     size_sigma: float = 1.0  # of what all cars of a place are larger than the category's mean, in its sigmas
     whole_iterations: int = 8  # of the smoothing of the whole path, at the end
     lag_s: float = 4.0
+    crop_margin: float = 0.2  # of a box's size, around it: an object in the graph is near where its view expects it
     revisit: RevisitConfig = field(default_factory=RevisitConfig)
     # without a map these are seen in turns only; looser, systematic errors of shapes move them
     time_offset_sigma_s: float = 0.005
     extrinsic_rotation_sigma_deg: float = 0.3
+    gyroscope_noise: float = 3e-3  # rad/s/sqrt(Hz); more than in a known map: the camera shakes against the IMU
     points: PointConfig = field(default_factory=PointConfig)  # corners, where there are images
     road: RoadConfig = field(default_factory=RoadConfig)  # its texture as a measure of length
 

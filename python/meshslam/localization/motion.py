@@ -10,13 +10,23 @@ import numpy as np
 
 from meshslam.geometry import Camera, Pose, log_so3
 from meshslam.geometry.arrays import Floats
-from meshslam.localization.config import ImuConfig, OdometryConfig
+from meshslam.localization.config import ImuConfig, OdometryConfig, SlamConfig
 from meshslam.localization.imu import Interval, NavState, Preintegrator, RelativeMotion, predict, rate_at
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.two_views import two_views
 from meshslam.sequences import ImuSamples
 
 Tie = Interval | RelativeMotion
+
+
+def slam_imu(imu: ImuConfig, slam: SlamConfig) -> ImuConfig:
+    """The IMU's settings as SLAM takes them: without a map some are seen worse."""
+    return replace(
+        imu,
+        time_offset_sigma_s=slam.time_offset_sigma_s,
+        extrinsic_rotation_sigma_deg=slam.extrinsic_rotation_sigma_deg,
+        gyroscope_noise=slam.gyroscope_noise,
+    )
 
 
 class MotionSource(Protocol):

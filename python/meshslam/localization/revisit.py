@@ -25,6 +25,7 @@ class RevisitConfig:
     size_ratio: float = 0.15  # of length, width and height, as logarithm
     place_sigma_m: float = 0.5  # of one object against the others,
     turn_sigma_rad: float = 0.03  # and so much more for every metre between them
+    apart_m: float = 2.5  # two objects are not nearer to each other
     objects: int = 3  # that must agree, where the path has drifted by more than
     sure_radius_m: float = 2.0  # this; else one is enough
 
@@ -63,13 +64,29 @@ def known_again(
             best = agreeing
     if not best:
         return None
-    sure = all(radii_m[a] <= config.sure_radius_m for _, a in best)
-    if len(best) < (1 if sure else config.objects):
-        return None
     correction = _motion(
         np.array([seen[i].pose.translation for i, _ in best]), np.array([known[a].pose.translation for _, a in best])
     )
+    left = [np.linalg.norm(correction.transform(seen[i].pose.translation) - known[a].pose.translation) for i, a in best]
+    sure = all(radii_m[a] <= config.sure_radius_m for _, a in best)
+    needed = (1 if sure else config.objects) + 2 * _contradictions(seen, known, best, correction, config)
+    if len(best) < needed or max(left) > config.place_sigma_m:
+        return None
     return Revisit(tuple((seen[i].number, known[a].number) for i, a in best), correction)
+
+
+def _contradictions(
+    seen: Sequence[Placed],
+    known: Sequence[Placed],
+    pairs: Sequence[tuple[int, int]],
+    correction: Pose,
+    config: RevisitConfig,
+) -> int:
+    """How many objects in view would stand in known ones that they are not."""
+    paired, taken = {i for i, _ in pairs}, {a for _, a in pairs}
+    others = [correction.transform(one.pose.translation) for i, one in enumerate(seen) if i not in paired]
+    free = [other.pose.translation for a, other in enumerate(known) if a not in taken]
+    return sum(any(np.linalg.norm(place - at) < config.apart_m for at in free) for place in others)
 
 
 def _candidates(

@@ -9,13 +9,13 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Camera, ObjectModel, Pose, View
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry.arrays import Bytes
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.frame_masks import lowest, touch
 from meshslam.localization.imu import Mounting, NavState
 from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
-from meshslam.localization.motion import ImuMotion, MotionSource
+from meshslam.localization.motion import ImuMotion, MotionSource, slam_imu
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.road_odometry import RoadOdometry
 from meshslam.localization.smoother import Smoother, WholePath
@@ -78,42 +78,38 @@ class Slam:
     motion: MotionSource | None = None  # by IMU, if none is given
 
     def __post_init__(self) -> None:
-        imu = replace(
-            self.config.imu,
-            time_offset_sigma_s=self.slam.time_offset_sigma_s,
-            extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
-        )
+        imu = slam_imu(self.config.imu, self.slam)
         self._motion = self.motion or ImuMotion(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
-        self._smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
+        self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
         ]
         height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
         self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
-        self._candidates: dict[int, Candidate] = {}
+        self.candidates: dict[int, Candidate] = {}
+        self._views = replace(self.mapping, crop_margin=self.slam.crop_margin)
         self._growth = growth(self.category)
-        self._noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
-        self._in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
-        self._wheels: dict[int, Entry] = {}  # what ties a landmark to the road
+        self.noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
+        self.in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
         self.odometer = Odometer()
-        self._frame_ids: list[int] = []
-        self._times: list[float] = []
+        self.frame_ids: list[int] = []
+        self.times_s: list[float] = []
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The first frame, whose state is known: it sets the world."""
-        self._smoother.begin(state, self._motion.first_rate(imu, state.time_s))
-        self._state = state
+        self.smoother.begin(state, self._motion.first_rate(imu, state.time_s))
+        self.state = state
         return self._see(frame, state.time_s, detections, has_gap=False)
 
     def process(self, frame: int, time_s: float, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The next frame, `imu` holding the samples since the last one."""
-        predicted, interval = self._motion.between(imu, self._state, time_s, self._smoother.frame + 1)
-        self._smoother.advance(predicted, interval)
+        predicted, interval = self._motion.between(imu, self.state, time_s, self.smoother.frame + 1)
+        self.smoother.advance(predicted, interval)
         if self.pictures is not None and self.slam.points.enabled:
-            for block in self.pictures.blocks(self._smoother.frame):
-                self._smoother.follow_points(block, self.camera, self.slam.points)
+            for block in self.pictures.blocks(self.smoother.frame):
+                self.smoother.follow_points(block, self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
 
     @property
@@ -123,39 +119,39 @@ class Slam:
 
     def first_state(self) -> NavState:
         """The first frame's state as it is now seen, while the lag still holds it."""
-        first = self._smoother.estimate(0).state
-        if isinstance(self._motion, ImuMotion) or self._smoother.frame == 0:
+        first = self.smoother.estimate(0).state
+        if isinstance(self._motion, ImuMotion) or self.smoother.frame == 0:
             return first
-        second = self._smoother.estimate(1).state
+        second = self.smoother.estimate(1).state
         way = second.world_from_imu.translation - first.world_from_imu.translation
         return replace(first, velocity_in_world=way / (second.time_s - first.time_s))
 
     def finish(self) -> WholePath:
         """All frames so far, smoothed together with all that was seen; the run can go on."""
-        return self._smoother.whole_path(self.same, self.slam.whole_iterations)
+        return self.smoother.whole_path(self.same, self.slam.whole_iterations)
 
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
-        self._frame_ids.append(frame)
-        self._times.append(time_s)
-        self.path[frame] = self._smoother.estimate(self._smoother.frame).world_from_camera
+        self.frame_ids.append(frame)
+        self.times_s.append(time_s)
+        self.path[frame] = self.smoother.estimate(self.smoother.frame).world_from_camera
         added: dict[int, tuple[Entry, SeenObject, int]] = {}
         for sight in self._sights(detections):
             track = sight.detection.track_id
             assert track is not None
-            number = self._in_view.get(track)
+            number = self.in_view.get(track)
             if number is not None:
-                seen = self._seen(sight, *self._smoother.object_state(number))
-                added[number] = self._smoother.see_shaped(seen, number, sight.index), seen, sight.index
+                seen = self._seen(sight, self.smoother.object_state(number)[0])
+                added[number] = self.smoother.see_shaped(seen, number, sight.index), seen, sight.index
             elif track not in self.moving:
-                self._candidates.setdefault(track, Candidate()).sights.append(sight)
-        self._smoother.update()
+                self.candidates.setdefault(track, Candidate()).sights.append(sight)
+        self.smoother.update()
         self._refuse(added)
-        for track in [t for t in self._candidates if self._ready(t)]:
+        for track in [t for t in self.candidates if self._ready(t)]:
             self._start(track)
         if self._road is not None and self.pictures is not None:
-            self._road.step(self._smoother, self.pictures)
+            self._road.step(self.smoother, self.pictures)
         self._remember(added)
-        self._smoother.close()
+        self.smoother.close()
         self._leave()
         self._know_again()
         return SlamReport(frame, self.odometer.map_from_odometry @ self.path[frame], tuple(sorted(added)), has_gap)
@@ -170,58 +166,59 @@ class Slam:
             for other in detections:
                 if other.id != detection.id and touch(other.bbox, detection.bbox) and lowest(other) > lowest(detection):
                     occluder |= masks[other.id]
-            pose = Pose.identity()
-            view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self.mapping)
-            found.append(Sight(self._smoother.frame, detection, occluder, view))
+            found.append(self.sight(self.smoother.frame, detection, occluder))
         return found
 
-    def _seen(self, sight: Sight, world_from_object: Pose, _z: Floats) -> SeenObject:
+    def sight(self, index: int, detection: Detection, occluder: Bytes) -> Sight:
+        """A detection in a frame, with what it shows."""
+        pose = Pose.identity()
+        view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self._views)
+        return Sight(index, detection, occluder, view)
+
+    def _seen(self, sight: Sight, world_from_object: Pose) -> SeenObject:
         """A view with what the object's own shape and key points add to its noise at the depth where it now is.
 
         A noise that followed the depth would make all that is nearer and smaller cost less.
         """
-        world_from_camera = self._smoother.estimate(sight.index).world_from_camera
+        world_from_camera = self.smoother.estimate(sight.index).world_from_camera
         depth_m = max(1.0, float(world_from_camera.inverse().transform(world_from_object.translation)[2]))
         metre_px = self.camera.fx / depth_m
         view = sight.view.with_surface_sigma(self.slam.surface_sigma_m * metre_px)
         view = view.with_keypoint_sigma(self.mapping.noise.keypoint_position_sigma_m * metre_px)
-        return SeenObject(self.model, view, self._noise, self.camera.fx)
+        return SeenObject(self.model, view, self.noise, self.camera.fx)
 
     def _refuse(self, added: dict[int, tuple[Entry, SeenObject, int]]) -> None:
         """Drop this frame's views that fit badly where all factors agree."""
         bad = []
         for number, (entry, seen, index) in added.items():
-            pose, z = self._smoother.object_state(number)
-            camera = self._smoother.estimate(index).world_from_camera
+            pose, z = self.smoother.object_state(number)
+            camera = self.smoother.estimate(index).world_from_camera
             if seen.cost_share(camera.inverse() @ pose, z) > self.slam.largest_cost:
                 bad.append(entry)
         if bad:
-            self._smoother.window.drop(bad)
-            self._smoother.update()
+            self.smoother.window.drop(bad)
+            self.smoother.update()
 
     def _ready(self, number: int) -> bool:
-        candidate = self._candidates[number]
-        held = set(self._smoother.frames)
+        candidate = self.candidates[number]
+        held = set(self.smoother.frames)
         candidate.sights = [s for s in candidate.sights if s.index in held]
         sights = candidate.sights
         if len(sights) < max(self.slam.start_views, candidate.next_try):
             return False
-        if (
-            sights[-1].index != self._smoother.frame
-            or max(s.detection.bbox[2] for s in sights) < self.slam.start_box_px
-        ):
+        if sights[-1].index != self.smoother.frame or max(s.detection.bbox[2] for s in sights) < self.slam.start_box_px:
             return False
-        first, last = (self.path[self._frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
+        first, last = (self.path[self.frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
         return float(np.linalg.norm(last - first)) >= self.slam.start_baseline_m
 
     def _start(self, track: int) -> None:
         """Initialize a track's object from its views at the current camera poses, and tie it into the graph."""
-        candidate = self._candidates[track]
+        candidate = self.candidates[track]
         found = self._reconstructed(candidate)
         if found is None:
             candidate.next_try = len(candidate.sights) + self.slam.retry_views
             return
-        del self._candidates[track]
+        del self.candidates[track]
         if isinstance(found, str):
             self.moving.add(track)
             return
@@ -229,33 +226,29 @@ class Slam:
         number = len(self.landmarks) + 1
         size = np.ptp(self.model.vertices(found.state), axis=0)
         self.landmarks[number] = Landmark(number, track, pose, z, size, len(candidate.sights))
-        self._in_view[track] = number
-        self._smoother.add_object(number, pose, z, self._growth, self.slam.size_sigma)
+        self.in_view[track] = number
+        self.smoother.add_object(number, pose, z, self._growth, self.slam.size_sigma)
         for sight in candidate.sights:
-            self._smoother.see_shaped(self._seen(sight, pose, z), number, sight.index)
-        self._smoother.update()
+            self.smoother.see_shaped(self._seen(sight, pose), number, sight.index)
+        self.smoother.update()
 
     def _stand(self, number: int) -> None:
         """Put an object's wheels on the road, as seen from where the camera came nearest."""
         landmark, height = self.landmarks[number], self.height_above_ground_m
-        away = float(
-            np.linalg.norm(self.path[self._frame_ids[-1]].translation - landmark.world_from_object.translation)
-        )
+        away = float(np.linalg.norm(self.path[self.frame_ids[-1]].translation - landmark.world_from_object.translation))
         if height is None or away > self.slam.nearer * landmark.nearest_m:
             return
         landmark.nearest_m = away
-        if number in self._wheels:
-            self._smoother.window.drop([self._wheels[number]])
         sigma = float(np.hypot(self.mapping.ground_height_sigma_m, self.mapping.ground_slope_sigma * away))
         state = replace(self.model.state_at(landmark.world_from_object), z=landmark.z)
         below = height + float(self.model.vertices(state)[:, 2].min())
-        self._wheels[number] = self._smoother.stand_on_road(number, self._smoother.frame, below, sigma)
+        self.smoother.stand_on_road(number, self.smoother.frame, below, sigma)
 
     def _reconstructed(self, candidate: Candidate) -> Reconstruction | str | None:
         """The object of a track; "moves" if it does, None if it fits no object yet."""
         sights = candidate.sights
-        poses = tuple(self._smoother.estimate(s.index).world_from_camera for s in sights)
-        times = np.array([self._times[s.index] for s in sights])
+        poses = tuple(self.smoother.estimate(s.index).world_from_camera for s in sights)
+        times = np.array([self.times_s[s.index] for s in sights])
         track = Track(0, tuple(s.detection for s in sights), poses, times)
         occluders = {s.detection.id: s.occluder for s in sights}
         views = make_views(
@@ -271,7 +264,7 @@ class Slam:
         observed = Observed(track, views, track.subset(chosen), [views[i] for i in chosen])
         road = None
         if self.height_above_ground_m is not None:
-            road = road_points([self.path[f] for f in self._frame_ids], self.height_above_ground_m)
+            road = road_points([self.path[f] for f in self.frame_ids], self.height_above_ground_m)
         scene = Scene(self.camera, self.category, self.model, self.keypoint_names, road, self.mapping)
         found = reconstruct(observed, scene)
         vertices = self.model.vertices(found.state)
@@ -284,21 +277,20 @@ class Slam:
 
     def _leave(self) -> None:
         """Put landmarks that left the window where they now are in the map."""
-        for track, number in list(self._in_view.items()):
-            if not self._smoother.holds_object(number):
+        for track, number in list(self.in_view.items()):
+            if not self.smoother.holds_object(number):
                 landmark = self.landmarks[number]
                 landmark.in_map = self.odometer.map_from_odometry @ landmark.world_from_object
-                del self._in_view[track]
-                self._wheels.pop(number, None)
+                del self.in_view[track]
 
     def _know_again(self) -> None:
         """Join landmarks in view with older ones, and lay the odometry's world anew in the map."""
         if len(self.path) > 1:
-            last, now = (self.path[f].translation for f in self._frame_ids[-2:])
+            last, now = (self.path[f].translation for f in self.frame_ids[-2:])
             self.odometer.way_m += float(np.linalg.norm(now - last))
         if not self.slam.revisit.enabled:
             return
-        in_view = set(self._in_view.values())
+        in_view = set(self.in_view.values())
         found = known_again_in(self.landmarks, in_view, self.same, self.odometer, self.slam.revisit)
         if found is not None:
             self.same += found.pairs
@@ -306,12 +298,12 @@ class Slam:
             self.odometer.known_at_m = self.odometer.way_m
 
     def _remember(self, added: Iterable[int]) -> None:
-        for index in self._smoother.frames:
-            self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
-        self._state = self._smoother.estimate(self._smoother.frame).state
-        for number in self._smoother.shaped_objects:
+        for index in self.smoother.frames:
+            self.path[self.frame_ids[index]] = self.smoother.estimate(index).world_from_camera
+        self.state = self.smoother.estimate(self.smoother.frame).state
+        for number in self.smoother.shaped_objects:
             landmark = self.landmarks[number]
-            landmark.world_from_object, landmark.z = self._smoother.object_state(number)
+            landmark.world_from_object, landmark.z = self.smoother.object_state(number)
         for number in added:
             self.landmarks[number].views += 1
             self.landmarks[number].last_way_m = self.odometer.way_m

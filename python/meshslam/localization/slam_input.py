@@ -13,7 +13,7 @@ from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.gauge import Path, world_from_free
 from meshslam.localization.imu import Mounting, NavState, check_imu
 from meshslam.localization.inertial import first_velocity, inertial_path, start_state
-from meshslam.localization.motion import ImageMotion, ImuMotion, MotionSource, OdometryMotion
+from meshslam.localization.motion import ImageMotion, ImuMotion, MotionSource, OdometryMotion, slam_imu
 from meshslam.localization.pictures import Pictures, pictures_of
 from meshslam.localization.rough_start import RoughStart, rough_start, rough_start_by_images
 from meshslam.localization.start import Estimator, loose, settled
@@ -72,11 +72,7 @@ def slam_input(sequence: Sequence, detections: DetectionSet, config: Localizatio
             "there are no images to do without; known poses can be used as odometry (--poses odometry)"
         )
     imu, imu_from_camera = check_imu(sequence, config.imu)
-    turned = replace(
-        config.imu,
-        time_offset_sigma_s=slam.time_offset_sigma_s,
-        extrinsic_rotation_sigma_deg=slam.extrinsic_rotation_sigma_deg,
-    )
+    turned = slam_imu(config.imu, slam)
     mounting = Mounting(imu_from_camera)
     return SlamInput(sequence, detections, imu, mounting, ImuMotion(turned), pictures, slam, "IMU alone")
 

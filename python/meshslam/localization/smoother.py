@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -19,6 +19,7 @@ from meshslam.localization.imu import Interval, Mounting, NavState, RelativeMoti
 from meshslam.localization.past import Pair, Past, smooth_whole
 from meshslam.localization.point_factor import point_factor
 from meshslam.localization.point_tracks import PointBlock, PointConfig
+from meshslam.localization.road_factor import road_factor
 from meshslam.localization.way_factor import way_factor
 from meshslam.localization.window import Entry, Window, linear_factor
 
@@ -49,6 +50,13 @@ class PointTag:
 
     row: int
     first: int
+
+
+@dataclass(frozen=True)
+class RoadTag:
+    """A factor that puts an object's wheels on the road."""
+
+    number: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +91,7 @@ class Smoother:
         self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
         self.window = Window()
         self.past = Past() if keep_past else None
-        self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
+        self.rates_rad_s: dict[int, Floats] = {}  # angular rate at each frame, free of bias
         self._times: dict[int, float] = {}
         self._memos: dict[int, CameraMemo] = {}
         self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
@@ -135,7 +143,7 @@ class Smoother:
                 prior = gtsam.noiseModel.Gaussian.Covariance(to_gtsam_covariance(covariance))
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
-        factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
+        factor = object_factor(seen, self.camera_keys(self.frame), self._memos[self.frame], key)
         self.window.add(factor, ViewTag(number, self.frame, seen))
 
     def add_object(self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float) -> None:
@@ -158,26 +166,19 @@ class Smoother:
 
     def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
         """A view, in a frame that is held, of an object that is mapped along."""
-        keys, memo = self._camera_keys(frame), self._memos[frame]
+        keys, memo = self.camera_keys(frame), self._memos[frame]
         self._objects[number] = max(frame, self._objects[number])
         tag = ViewTag(number, frame, seen)
         self._shaped[number].append(tag)
         return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), tag)
 
-    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> Entry:
-        """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
-        unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
+    def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+        """An object's origin lies so far below the camera of a frame: its wheels stand on the road.
 
-        def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
-            x, o = this.keys()
-            eye, thing = from_pose3(values.atPose3(x)), from_pose3(values.atPose3(o))
-            if jacobians is not None:
-                up_in_imu, up_in_object = eye.rotation[2], thing.rotation[2]
-                jacobians[0] = np.asfortranarray(np.concatenate([np.cross(arm, up_in_imu), up_in_imu])[None])
-                jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
-            return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
-
-        return self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+        What the window said of its height before is replaced.
+        """
+        self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
+        self.window.add(road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m), RoadTag(number))
 
     def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
         """Corners of a block of frames; what was said of the open block before is replaced."""
@@ -187,13 +188,13 @@ class Smoother:
         self.window.settle([e for e in points if e.tag != tag])
         if block.tracks and block.first in self._times:
             frames = range(block.first, block.last + 1)
-            keys, memos = {f: self._camera_keys(f) for f in frames}, {f: self._memos[f] for f in frames}
+            keys, memos = {f: self.camera_keys(f) for f in frames}, {f: self._memos[f] for f in frames}
             self.window.add(point_factor(block, keys, memos, camera, config), tag)
 
     def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
         """The camera came so far from one frame to another, both of which are held."""
         self.window.settle([e for e in self.window.entries if e.tag == WAY])
-        self.window.add(way_factor([X(first), X(second)], self._arm, way_m, sigma_m), WAY)
+        self.window.add(way_factor([X(first), X(second)], self.arm_m, way_m, sigma_m), WAY)
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
@@ -245,6 +246,33 @@ class Smoother:
             )
             tag.seen.freeze(camera.inverse() @ pose, z)
 
+    def freeze_all(self) -> None:
+        """Linearize all views for good where they now are."""
+        for number in list(self._shaped):
+            self._freeze(number)
+            self._shaped[number] = []
+
+    def bookkeeping(self) -> dict[str, Floats]:
+        """All but the graph, as plain arrays."""
+        return {
+            "rates": np.array([[f, *rate] for f, rate in self.rates_rad_s.items()]),
+            "times": np.array([[f, t] for f, t in self._times.items()]),
+            "cameras": np.array([pose.matrix for pose in self._cameras.values()]).reshape(-1, 4, 4),
+            "camera_frames": np.array(list(self._cameras), float),
+            "objects": np.array([[n, f, n in self._shaped] for n, f in self._objects.items()], float).reshape(-1, 3),
+        }
+
+    def keep_books(self, arrays: Mapping[str, Floats]) -> None:
+        """The reverse of `bookkeeping`."""
+        self.rates_rad_s = {int(row[0]): row[1:] for row in arrays["rates"]}
+        self._times = {int(f): float(t) for f, t in arrays["times"]}
+        self._memos = {f: CameraMemo(self.arm_m, self.rates_rad_s[f]) for f in self._times}
+        cameras = zip(arrays["camera_frames"], arrays["cameras"], strict=True)
+        self._cameras = {int(f): Pose.from_matrix(matrix) for f, matrix in cameras}
+        self._objects = {int(n): int(f) for n, f, _ in arrays["objects"]}
+        self._shaped = {int(n): [] for n, _, shaped in arrays["objects"] if shaped}
+        self.frame = max(self._times)
+
     def belief(self) -> SmootherBelief:
         """Take all but the newest state and the mounting out; what the others said stays."""
         newest = self.frame
@@ -259,7 +287,7 @@ class Smoother:
         for frame in [f for f in self._times if f != newest]:
             del self._times[frame], self._memos[frame]
         self._objects, self._shaped = {}, {}
-        return SmootherBelief(estimate.state, self._rates[newest], self.mounting(), rows)
+        return SmootherBelief(estimate.state, self.rates_rad_s[newest], self.mounting(), rows)
 
     def resume(self, belief: SmootherBelief) -> None:
         """Begin with a belief as the only prior."""
@@ -288,35 +316,35 @@ class Smoother:
         bias = values.atConstantBias(B(frame))
         pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
         state = NavState(self._times[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
-        mounting = self.mounting()
-        camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
-        return FrameEstimate(state, camera.pose)
+        return FrameEstimate(state, self.mounting().world_from_camera(state, self.rates_rad_s[frame]))
 
     def whole_path(self, same: Sequence[Pair], iterations: int) -> WholePath:
         """Smooth over all frames and objects there were, `same` being pairs of objects that are one."""
         assert self.past is not None
         values, held = smooth_whole(self.past, self.window, same, iterations)
-        turn, offset = Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0])
+        turn, offset = Pose(values.atRot3(ROTATION).matrix(), self.arm_m), float(values.atVector(OFFSET)[0])
         cameras = [
             place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
-            for f, rate in sorted(self._rates.items())
+            for f, rate in sorted(self.rates_rad_s.items())
         ]
         return WholePath(tuple(cameras), held)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
         values = self.window.values
-        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0]))
+        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self.arm_m), float(values.atVector(OFFSET)[0]))
 
     def pose_covariance(self, frame: int) -> Floats:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
         return to_gtsam_covariance(self.window.covariance(X(frame)))
 
-    def _camera_keys(self, frame: int) -> CameraKeys:
+    def camera_keys(self, frame: int) -> CameraKeys:
+        """The variables that place a frame's camera."""
         return X(frame), V(frame), ROTATION, OFFSET
 
     @property
-    def _arm(self) -> Floats:
+    def arm_m(self) -> Floats:
+        """The camera (3,) in the IMU's frame."""
         return self._mounting.imu_from_camera.translation
 
     def _insert(self, frame: int, state: NavState, rate_rad_s: Floats) -> None:
@@ -324,8 +352,8 @@ class Smoother:
         values.insert(X(frame), to_pose3(state.world_from_imu))
         values.insert(V(frame), state.velocity_in_world)
         values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
-        self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
-        self._memos[frame] = CameraMemo(self._arm, self._rates[frame])
+        self._times[frame], self.rates_rad_s[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
+        self._memos[frame] = CameraMemo(self.arm_m, self.rates_rad_s[frame])
 
     def start_at(self, world_from_camera: Pose) -> None:
         """Begin the search of the newest frame's pose where its camera is believed to be."""

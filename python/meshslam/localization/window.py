@@ -47,6 +47,26 @@ def linear_factor(
     return gtsam.LinearContainerFactor(linear, origin)
 
 
+def rows_factor(keys: Sequence[tuple[int, int]], rows: Floats, values: gtsam.Values) -> gtsam.LinearContainerFactor:
+    """|A x - b| over (key, width) in this order, x being steps from the values; `rows` is [A b]."""
+    start, blocks = 0, []
+    for _, width in keys:
+        blocks.append(np.asfortranarray(rows[:, start : start + width]))
+        start += width
+    residual = -rows[:, -1]
+
+    def error(_: gtsam.CustomFactor, _values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        if jacobians is not None:
+            for i, block in enumerate(blocks):
+                jacobians[i] = block
+        return residual
+
+    names = [key for key, _ in keys]
+    unit = gtsam.noiseModel.Unit.Create(len(rows))
+    linear = gtsam.CustomFactor(unit, names, error).linearize(values)
+    return gtsam.LinearContainerFactor(linear, values.extract(sorted(names)))
+
+
 class Window:
     """Variables with their factors; what leaves becomes a linear prior on what stays."""
 
@@ -125,22 +145,7 @@ class Window:
 
     def add_rows(self, keys: Sequence[tuple[int, int]], rows: Floats) -> None:
         """Take in |A x - b| over (key, width) in this order, x being steps from the values held; `rows` is [A b]."""
-        start, blocks = 0, []
-        for _, width in keys:
-            blocks.append(np.asfortranarray(rows[:, start : start + width]))
-            start += width
-        residual = -rows[:, -1]
-
-        def error(_: gtsam.CustomFactor, _values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
-            if jacobians is not None:
-                for i, block in enumerate(blocks):
-                    jacobians[i] = block
-            return residual
-
-        names = [key for key, _ in keys]
-        unit = gtsam.noiseModel.Unit.Create(len(rows))
-        linear = gtsam.CustomFactor(unit, names, error).linearize(self.values)
-        self.add(gtsam.LinearContainerFactor(linear, self._subset(frozenset(names))))
+        self.add(rows_factor(keys, rows, self.values))
 
     def _graph(self, entries: Iterable[Entry]) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph()
