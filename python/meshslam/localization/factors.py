@@ -72,7 +72,7 @@ def place_camera(
     by_velocity, by_rotation = np.zeros((6, 3)), np.zeros((6, 3))
     by_velocity[:3] = offset_s * rotation.T
     by_rotation[3:] = np.eye(3)
-    swing = turned @ (np.cross(rate_rad_s, imu_from_camera.translation))
+    swing = turned @ (cross_matrix(rate_rad_s) @ imu_from_camera.translation)
     by_offset[:3, 0] = rotation.T @ (velocity + swing)
     by_offset[3:, 0] = imu_from_camera.rotation.T @ rate_rad_s
     return CameraPlace(pose, by_imu, by_velocity, by_rotation, by_offset)

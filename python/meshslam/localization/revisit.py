@@ -92,13 +92,15 @@ def _contradictions(
 def _candidates(
     seen: Sequence[Placed], known: Sequence[Placed], radii_m: Sequence[float], config: RevisitConfig
 ) -> list[tuple[int, int]]:
-    least = np.cos(np.radians(config.heading_deg))
+    if not seen or not known:
+        return []
+    least, at = np.cos(np.radians(config.heading_deg)), np.array([other.pose.translation for other in known])
     found = []
     for i, one in enumerate(seen):
-        for a, other in enumerate(known):
-            near = float(np.linalg.norm(one.pose.translation - other.pose.translation)) <= radii_m[a]
-            along = float(one.pose.rotation[:, 0] @ other.pose.rotation[:, 0]) >= least
-            if near and along and np.abs(np.log(one.dimensions / other.dimensions)).max() <= config.size_ratio:
+        near = np.linalg.norm(at - one.pose.translation, axis=1) <= radii_m
+        for a in np.flatnonzero(near).tolist():
+            along = float(one.pose.rotation[:, 0] @ known[a].pose.rotation[:, 0]) >= least
+            if along and np.abs(np.log(one.dimensions / known[a].dimensions)).max() <= config.size_ratio:
                 found.append((i, a))
     return found
 

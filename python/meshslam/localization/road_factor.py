@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 
 from meshslam.geometry.arrays import Floats
-from meshslam.localization.gtsam_bridge import from_pose3
+from meshslam.localization.gtsam_bridge import cross_matrix, from_pose3
 
 
 def road_factor(
@@ -19,7 +19,7 @@ def road_factor(
         eye, thing = from_pose3(values.atPose3(x)), from_pose3(values.atPose3(o))
         if jacobians is not None:
             up_in_imu, up_in_object = eye.rotation[2], thing.rotation[2]
-            jacobians[0] = np.asfortranarray(np.concatenate([np.cross(arm_m, up_in_imu), up_in_imu])[None])
+            jacobians[0] = np.asfortranarray(np.concatenate([cross_matrix(arm_m) @ up_in_imu, up_in_imu])[None])
             jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
         return np.array([eye.transform(arm_m)[2] - thing.translation[2] - below_camera_m])
 

@@ -80,7 +80,7 @@ class Slam:
     def __post_init__(self) -> None:
         imu = slam_imu(self.config.imu, self.slam)
         self._motion = self.motion or ImuMotion(imu)
-        lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
+        lag = replace(self.config.smoother, lag_s=self.slam.lag_s, settled_frames=self.slam.settled_frames)
         self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
@@ -146,8 +146,8 @@ class Slam:
                 self.candidates.setdefault(track, Candidate()).sights.append(sight)
         self.smoother.update()
         self._refuse(added)
-        for track in [t for t in self.candidates if self._ready(t)]:
-            self._start(track)
+        if any([self._start(t) for t in list(self.candidates) if self._ready(t)]):
+            self.smoother.update()
         if self._road is not None and self.pictures is not None:
             self._road.step(self.smoother, self.pictures)
         self._remember(added)
@@ -211,17 +211,17 @@ class Slam:
         first, last = (self.path[self.frame_ids[s.index]].translation for s in (sights[0], sights[-1]))
         return float(np.linalg.norm(last - first)) >= self.slam.start_baseline_m
 
-    def _start(self, track: int) -> None:
-        """Initialize a track's object from its views at the current camera poses, and tie it into the graph."""
+    def _start(self, track: int) -> bool:
+        """Initialize a track's object from its views at the current camera poses; if it fits, it is tied in."""
         candidate = self.candidates[track]
         found = self._reconstructed(candidate)
         if found is None:
             candidate.next_try = len(candidate.sights) + self.slam.retry_views
-            return
+            return False
         del self.candidates[track]
         if isinstance(found, str):
             self.moving.add(track)
-            return
+            return False
         pose, z = found.state.world_from_object, found.state.z
         number = len(self.landmarks) + 1
         size = np.ptp(self.model.vertices(found.state), axis=0)
@@ -230,7 +230,7 @@ class Slam:
         self.smoother.add_object(number, pose, z, self._growth, self.slam.size_sigma)
         for sight in candidate.sights:
             self.smoother.see_shaped(self._seen(sight, pose), number, sight.index)
-        self.smoother.update()
+        return True
 
     def _stand(self, number: int) -> None:
         """Put an object's wheels on the road, as seen from where the camera came nearest."""

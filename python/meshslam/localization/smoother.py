@@ -178,7 +178,8 @@ class Smoother:
         What the window said of its height before is replaced.
         """
         self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
-        self.window.add(road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m), RoadTag(number))
+        factor = road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m)
+        self.window.settle([self.window.add(factor, RoadTag(number))])
 
     def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
         """Corners of a block of frames; what was said of the open block before is replaced."""
