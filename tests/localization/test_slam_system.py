@@ -9,6 +9,7 @@ from meshslam.mapping import MappingConfig
 from tests.localization.conftest import errors_m
 from tests.localization.test_system import stream
 
+ROUNDING = 1e-7  # the last bits of linear algebra vary with memory's alignment
 QUICK = SlamConfig(start_baseline_m=2.0, lag_s=0.8)  # so that frames leave the window of a short drive
 
 
@@ -47,10 +48,10 @@ def test_saved_in_the_middle_it_goes_on_here_and_there_in_the_same_way(config, i
     second = SlamSystem.load(tmp_path / "run.npz", config)
     here = [first.process(*item) for item in items[9:]]
     there = [second.process(*item) for item in items[9:]]
-    assert np.array_equal(cameras(here), cameras(there))
+    assert cameras(here) == pytest.approx(cameras(there), abs=ROUNDING)
     assert [s.objects for s in here] == [s.objects for s in there] == [s.objects for s in apart[9:]]
     one, other = first.finish().world_from_camera, second.finish().world_from_camera
-    assert np.array_equal([p.matrix for p in one], [p.matrix for p in other])
+    assert errors_m(one, other).max() < ROUNDING
     assert np.linalg.norm(cameras(here)[:, :3, 3] - cameras(apart[9:])[:, :3, 3], axis=1).max() < 0.02
     assert errors_m(one, never.finish().world_from_camera).max() < 0.02
 

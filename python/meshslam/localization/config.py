@@ -99,6 +99,7 @@ class SlamConfig:
     retry_views: int = 4  # after a start that failed
     largest_cost: float = 3.0  # of a view, per independent observation
     minimum_mask_iou: float = 0.6
+    motion_views: int = 8  # after so many more of an object, whether it moves is asked again
     nearer: float = 0.7  # an object's height over the road is taken anew where the camera is nearer by this factor
     surface_sigma_m: float = 0.05  # twice mapping's: a car's views share what its surface is off
     size_sigma: float = 1.0  # of what all cars of a place are larger than the category's mean, in its sigmas

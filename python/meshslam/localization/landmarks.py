@@ -27,6 +27,7 @@ class Landmark:
     nearest_m: float = np.inf
     last_way_m: float = 0.0  # how far the camera had come when it was last seen
     in_map: Pose | None = None  # map_from_object, once it has left the view
+    moves: bool = False
 
     def placed(self, map_from_odometry: Pose) -> Placed:
         """With its place in the map, as far as that is known."""
@@ -38,7 +39,8 @@ def growth(category: Category) -> Floats:
     """Modes (M,), of unit length, that come nearest to making the mean shape larger as a whole."""
     modes = category.modes.reshape(len(category.modes), -1).T
     found = np.linalg.lstsq(modes, category.vertices.ravel(), rcond=None)[0]
-    unit: Floats = np.asarray(found / np.linalg.norm(found), float)
+    length = float(np.linalg.norm(found))
+    unit: Floats = np.round(np.asarray(found, float) / length, 10)  # its last bits vary with memory's alignment
     return unit
 
 
@@ -66,7 +68,7 @@ def known_again_in(
         for number, mark in landmarks.items()
         if number in in_view - joined and mark.views >= config.views and mark.nearest_m <= config.nearest_m
     ]
-    known = [mark for number, mark in landmarks.items() if number not in in_view | taken]
+    known = [mark for number, mark in landmarks.items() if number not in in_view | taken and not mark.moves]
     if not seen or not known:
         return None
     ways = [at.way_m - max(mark.last_way_m, at.known_at_m) for mark in known]

@@ -31,6 +31,10 @@ class Past:
             self.values.insert(window.values.extract(sorted(keys)))
             self.entries += [entry for entry in window.marginalize(keys) if entry.origin is not None]
 
+    def forget(self, number: int) -> None:
+        """Drop what was seen of an object."""
+        self.entries = [e for e in self.entries if getattr(e.tag, "number", None) != number]
+
 
 def smooth_whole(
     past: Past, window: Window, same: Sequence[Pair], iterations: int

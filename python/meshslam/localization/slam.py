@@ -16,6 +16,7 @@ from meshslam.localization.frame_masks import lowest, touch
 from meshslam.localization.imu import Mounting, NavState
 from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
 from meshslam.localization.motion import ImuMotion, MotionSource, slam_imu
+from meshslam.localization.mover import LinearView, velocity_that_explains
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.road_odometry import RoadOdometry
 from meshslam.localization.smoother import Smoother, WholePath
@@ -308,3 +309,18 @@ class Slam:
             self.landmarks[number].views += 1
             self.landmarks[number].last_way_m = self.odometer.way_m
             self._stand(number)
+            if self.landmarks[number].views % self.slam.motion_views == 0:
+                self._check_motion(number)
+
+    def _check_motion(self, number: int) -> None:
+        """Take an object back that turns out to move, now that more of it was seen."""
+        landmark = self.landmarks[number]
+        views = [LinearView(self.times_s[f], j, r) for f, j, r in self.smoother.views_of(number)]
+        if len(views) < self.slam.motion_views:
+            return
+        velocity, gain = velocity_that_explains(views, landmark.world_from_object.rotation, landmark.z)
+        if float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s and gain > self.mapping.motion_gain:
+            landmark.moves = True
+            self.moving.add(landmark.track)
+            self.in_view.pop(landmark.track, None)
+            self.smoother.forget(number)

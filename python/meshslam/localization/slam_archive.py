@@ -72,7 +72,7 @@ def _mask(packed: Bytes, slam: Slam) -> Bytes:
 
 
 def _landmark_to_plain(mark: Landmark) -> dict[str, Any]:
-    row = {name: getattr(mark, name) for name in ("number", "track", "views", "nearest_m", "last_way_m")}
+    row = {name: getattr(mark, name) for name in ("number", "track", "views", "nearest_m", "last_way_m", "moves")}
     row |= {"z": mark.z.tolist(), "dimensions": mark.dimensions.tolist()}
     in_map = None if mark.in_map is None else mark.in_map.matrix.tolist()
     return row | {"world_from_object": mark.world_from_object.matrix.tolist(), "in_map": in_map}

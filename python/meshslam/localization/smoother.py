@@ -242,10 +242,7 @@ class Smoother:
         views = self._shaped.get(number, [])
         for tag in views:
             pose, z = self.object_state(number)
-            camera = (
-                self._cameras[tag.frame] if tag.frame in self._cameras else self.estimate(tag.frame).world_from_camera
-            )
-            tag.seen.freeze(camera.inverse() @ pose, z)
+            tag.seen.freeze(self._camera(tag.frame).inverse() @ pose, z)
 
     def freeze_all(self) -> None:
         """Linearize all views for good where they now are."""
@@ -300,8 +297,22 @@ class Smoother:
         self.window.add_rows([(ROTATION, 3), (OFFSET, 1), (V(0), 3), (X(0), 6), (B(0), 6)], belief.rows)
 
     def forget(self, number: int) -> None:
-        """Take back all that the window's views say of an object."""
+        """Take back all that views say of an object, but for what has become a prior of others."""
         self.window.drop([e for e, tag in self._views() if tag.number == number])
+        if number in self._shaped:
+            self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
+            self._shaped[number] = []
+        if self.past is not None:
+            self.past.forget(number)
+
+    def views_of(self, number: int) -> list[tuple[int, Floats, Floats]]:
+        """Frame, Jacobian (n, 6 + modes) and residual (n,) of each view of an object that is mapped along."""
+        pose, z = self.object_state(number)
+        tags = self._shaped[number]
+        return [(tag.frame, *tag.seen.linearize(self._camera(tag.frame).inverse() @ pose, z)) for tag in tags]
+
+    def _camera(self, frame: int) -> Pose:
+        return self._cameras[frame] if frame in self._cameras else self.estimate(frame).world_from_camera
 
     def _views(self) -> list[tuple[Entry, ViewTag]]:
         return [(e, e.tag) for e in self.window.entries if isinstance(e.tag, ViewTag)]

@@ -86,7 +86,7 @@ class Window:
         gone = {id(entry) for entry in entries}
         self.entries = [entry for entry in self.entries if id(entry) not in gone]
 
-    def optimize(self, iterations: int, tolerance: float = 0.1) -> None:
+    def optimize(self, iterations: int, tolerance: float = 1e-2) -> None:
         """Gauss-Newton steps, halved until the true cost falls; ends when it falls by less than `tolerance`."""
         graph = self._graph(self.entries)
         self.cost = graph.error(self.values)
