@@ -11,6 +11,7 @@ from meshslam.localization.config import (
 )
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.notes import imu_notes, object_notes
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
 from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
@@ -36,8 +37,10 @@ __all__ = [
     "State",
     "System",
     "SystemConfig",
+    "imu_notes",
     "inertial_path",
     "localize",
+    "object_notes",
     "slam_path",
     "start_state",
 ]

@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from meshslam.geometry import NoiseModel
+from meshslam.localization.alignment import AlignmentConfig
+from meshslam.localization.point_tracks import PointConfig
 from meshslam.localization.revisit import RevisitConfig
+from meshslam.localization.road_speed import RoadConfig
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,15 @@ class StartConfig:
     """How well the first state is known."""
 
     position_sigma_m: float = 0.02
-    rotation_sigma_deg: float = 0.1
+    rotation_sigma_deg: float = 0.1  # roll and pitch
+    heading_sigma_deg: float = 0.1
     velocity_sigma_m_s: float = 0.1
+    # without initial_state.yaml
+    unknown_tilt_sigma_deg: float = 3.0
+    unknown_velocity_sigma_m_s: float = 0.5
+    unknown_velocity_share: float = 0.12  # and so much of the speed
+    settling_s: float = 3.0  # run again and again from the state that they end up with
+    settling_rounds: int = 4  # at most
 
 
 @dataclass(frozen=True)
@@ -65,9 +75,24 @@ class GateConfig:
 
 
 @dataclass(frozen=True)
+class OdometryConfig:
+    """Noise of one frame's step, where there is no IMU."""
+
+    # of known poses that are used as odometry
+    translation_sigma_m: float = 0.005
+    translation_sigma_share: float = 0.02  # of the step
+    rotation_sigma_deg: float = 0.05
+    # of motion that goes on evenly, where images alone tell
+    acceleration_m_s2: float = 1.5
+    turning_rad_s2: float = 1.0
+
+
+@dataclass(frozen=True)
 class SlamConfig:
     """Settings of `slam`, beside those of localization and mapping."""
 
+    poses: Literal["none", "odometry"] = "none"  # how known poses are used, beyond the first
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     start_views: int = 5  # a track becomes an object with so many views
     start_baseline_m: float = 3.0  # and so much way between the first and the last
     start_box_px: float = 40.0  # and so wide a box
@@ -86,6 +111,8 @@ class SlamConfig:
     time_offset_sigma_s: float = 0.005
     extrinsic_rotation_sigma_deg: float = 0.3
     gyroscope_noise: float = 3e-3  # rad/s/sqrt(Hz); more than in a known map: the camera shakes against the IMU
+    points: PointConfig = field(default_factory=PointConfig)  # corners, where there are images
+    road: RoadConfig = field(default_factory=RoadConfig)  # its texture as a measure of length
 
 
 @dataclass(frozen=True)
@@ -95,6 +122,7 @@ class LocalizationConfig:
     solver: Literal["smoother", "gradient"] = "smoother"  # gradient: the paper's, pose by pose
     imu: ImuConfig = field(default_factory=ImuConfig)
     start: StartConfig = field(default_factory=StartConfig)
+    alignment: AlignmentConfig = field(default_factory=AlignmentConfig)  # of a start that is not given
     association: AssociationConfig = field(default_factory=AssociationConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     noise: NoiseModel = field(default_factory=NoiseModel)
@@ -104,4 +132,5 @@ class LocalizationConfig:
     keypoint_position_sigma_m: float = 0.02  # of a map's key points
     use_map_covariance: bool = True  # objects with a covariance are estimated along, else they are fixed
     gradient_iterations: int = 20  # of the solver `gradient`, a frame
+    joint_gradient_iterations: int = 20  # of the solver `gradient` in SLAM
     gradient_keypoint_weight: float = 0.01  # of a squared residual in sigmas, against a mask's IoU

@@ -39,8 +39,9 @@ def growth(category: Category) -> Floats:
     """Modes (M,), of unit length, that come nearest to making the mean shape larger as a whole."""
     modes = category.modes.reshape(len(category.modes), -1).T
     found = np.linalg.lstsq(modes, category.vertices.ravel(), rcond=None)[0]
-    unit = np.round(found / np.linalg.norm(found), 10)  # its last bits vary with memory's alignment
-    return np.asarray(unit, float)
+    length = float(np.linalg.norm(found))
+    unit: Floats = np.round(np.asarray(found, float) / length, 10)  # its last bits vary with memory's alignment
+    return unit
 
 
 @dataclass

@@ -13,9 +13,12 @@ from meshslam.geometry.arrays import Bytes
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.frame_masks import lowest, touch
-from meshslam.localization.imu import Mounting, NavState, Preintegrator, predict, rate_at
+from meshslam.localization.imu import Mounting, NavState
 from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
+from meshslam.localization.motion import ImuMotion, MotionSource, slam_imu
 from meshslam.localization.mover import LinearView, velocity_that_explains
+from meshslam.localization.pictures import Pictures
+from meshslam.localization.road_odometry import RoadOdometry
 from meshslam.localization.smoother import Smoother, WholePath
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
@@ -72,21 +75,20 @@ class Slam:
     landmarks: dict[int, Landmark] = field(default_factory=dict)
     moving: set[int] = field(default_factory=set)
     same: list[tuple[int, int]] = field(default_factory=list)  # landmarks that are one object
+    pictures: Pictures | None = None  # where there are images
+    motion: MotionSource | None = None  # by IMU, if none is given
 
     def __post_init__(self) -> None:
-        imu = replace(
-            self.config.imu,
-            gyroscope_noise=self.slam.gyroscope_noise,
-            time_offset_sigma_s=self.slam.time_offset_sigma_s,
-            extrinsic_rotation_sigma_deg=self.slam.extrinsic_rotation_sigma_deg,
-        )
-        self._preintegrator = Preintegrator(imu)
+        imu = slam_imu(self.config.imu, self.slam)
+        self._motion = self.motion or ImuMotion(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
         self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
             for n in self.keypoint_names
         ]
+        height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
+        self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
         self.candidates: dict[int, Candidate] = {}
         self._views = replace(self.mapping, crop_margin=self.slam.crop_margin)
         self._growth = growth(self.category)
@@ -98,15 +100,32 @@ class Slam:
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The first frame, whose state is known: it sets the world."""
-        self.smoother.begin(state, rate_at(imu, state.time_s))
+        self.smoother.begin(state, self._motion.first_rate(imu, state.time_s))
         self.state = state
         return self._see(frame, state.time_s, detections, has_gap=False)
 
     def process(self, frame: int, time_s: float, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The next frame, `imu` holding the samples since the last one."""
-        interval = self._preintegrator.between(imu, self.state.time_s, time_s, self.state)
-        self.smoother.advance(predict(self.state, interval, time_s), interval)
+        predicted, interval = self._motion.between(imu, self.state, time_s, self.smoother.frame + 1)
+        self.smoother.advance(predicted, interval)
+        if self.pictures is not None and self.slam.points.enabled:
+            for block in self.pictures.blocks(self.smoother.frame):
+                self.smoother.follow_points(block, self.camera, self.slam.points)
         return self._see(frame, time_s, detections, has_gap=interval.has_gap)
+
+    @property
+    def ways_on_road(self) -> int:
+        """How many steps of the camera the road's texture measured."""
+        return 0 if self._road is None else self._road.ways
+
+    def first_state(self) -> NavState:
+        """The first frame's state as it is now seen, while the lag still holds it."""
+        first = self.smoother.estimate(0).state
+        if isinstance(self._motion, ImuMotion) or self.smoother.frame == 0:
+            return first
+        second = self.smoother.estimate(1).state
+        way = second.world_from_imu.translation - first.world_from_imu.translation
+        return replace(first, velocity_in_world=way / (second.time_s - first.time_s))
 
     def finish(self) -> WholePath:
         """All frames so far, smoothed together with all that was seen; the run can go on."""
@@ -130,6 +149,8 @@ class Slam:
         self._refuse(added)
         if any([self._start(t) for t in list(self.candidates) if self._ready(t)]):
             self.smoother.update()
+        if self._road is not None and self.pictures is not None:
+            self._road.step(self.smoother, self.pictures)
         self._remember(added)
         self.smoother.close()
         self._leave()

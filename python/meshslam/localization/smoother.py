@@ -9,18 +9,22 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, E, O, S, T, V, X, Z
 
-from meshslam.geometry import Pose
+from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
-from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
-from meshslam.localization.imu import Interval, Mounting, NavState
+from meshslam.localization.gtsam_bridge import OURS_FROM_GTSAM, from_pose3, to_gtsam_covariance, to_pose3
+from meshslam.localization.imu import Interval, Mounting, NavState, RelativeMotion
 from meshslam.localization.past import Pair, Past, smooth_whole
+from meshslam.localization.point_factor import point_factor
+from meshslam.localization.point_tracks import PointBlock, PointConfig
 from meshslam.localization.road_factor import road_factor
+from meshslam.localization.way_factor import way_factor
 from meshslam.localization.window import Entry, Window, linear_factor
 
 ROTATION, OFFSET, SIZE = E(0), T(0), S(0)
+WAY = "way"  # tag of factors of the camera's way
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,14 @@ class ViewTag:
 
 
 @dataclass(frozen=True)
+class PointTag:
+    """A factor of the corners of a block of frames."""
+
+    row: int
+    first: int
+
+
+@dataclass(frozen=True)
 class RoadTag:
     """A factor that puts an object's wheels on the road."""
 
@@ -53,6 +65,15 @@ class WholePath:
 
     world_from_camera: tuple[Pose, ...]
     same: tuple[Pair, ...]  # objects that are one
+
+
+def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
+    """Covariance (6, 6) of the first pose, right perturbation, (translation, rotation)."""
+    tilt, heading = np.radians([start.rotation_sigma_deg, start.heading_sigma_deg])
+    turn = world_from_imu.rotation
+    out = start.position_sigma_m**2 * np.eye(6)
+    out[3:, 3:] = turn.T @ np.diag(np.square([tilt, tilt, heading])) @ turn
+    return out
 
 
 class Smoother:
@@ -82,9 +103,8 @@ class Smoother:
         """The first frame: its state and the mounting, each with its prior."""
         self.frame = 0
         self._insert(0, state, rate_rad_s)
-        rotation, position = np.radians(self._start.rotation_sigma_deg), self._start.position_sigma_m
         noise, window = gtsam.noiseModel, self.window
-        pose_noise = noise.Diagonal.Sigmas(np.array([rotation] * 3 + [position] * 3))
+        pose_noise = noise.Gaussian.Covariance(to_gtsam_covariance(start_covariance(self._start, state.world_from_imu)))
         window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
         velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
         window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
@@ -98,12 +118,20 @@ class Smoother:
         window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
         window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
 
-    def advance(self, predicted: NavState, interval: Interval) -> None:
-        """The next frame, tied to the last by its IMU samples."""
+    def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
+        """The next frame, tied to the last by its IMU samples, or by the camera's step."""
         i, j = self.frame, self.frame + 1
         self.frame = j
-        self._insert(j, predicted, interval.angular_rate_rad_s)
-        self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
+        self._insert(j, predicted, tie.angular_rate_rad_s)
+        if isinstance(tie, Interval):
+            self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), tie.measurements))
+            return
+        diagonal, isotropic = gtsam.noiseModel.Diagonal.Sigmas, gtsam.noiseModel.Isotropic.Sigma
+        step = to_pose3(tie.first_from_second)
+        self.window.add(gtsam.BetweenFactorPose3(X(i), X(j), step, diagonal(tie.sigmas[OURS_FROM_GTSAM])))
+        # velocity and biases mean nothing here; the keys of views ask for them
+        self.window.add(gtsam.PriorFactorVector(V(j), predicted.velocity_in_world, isotropic(3, 1.0)))
+        self.window.add(gtsam.PriorFactorConstantBias(B(j), gtsam.imuBias.ConstantBias(), isotropic(6, 1e-3)))
 
     def see(self, seen: SeenObject, number: int, world_from_object: Pose, covariance: Floats | None) -> None:
         """A view of an object in this frame; with a covariance (6, 6) its pose is estimated along."""
@@ -152,6 +180,22 @@ class Smoother:
         self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
         factor = road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m)
         self.window.settle([self.window.add(factor, RoadTag(number))])
+
+    def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
+        """Corners of a block of frames; what was said of the open block before is replaced."""
+        tag = PointTag(block.row, block.first)
+        points = [e for e in self.window.entries if isinstance(e.tag, PointTag) and e.tag.row == block.row]
+        self.window.drop([e for e in points if e.tag == tag])
+        self.window.settle([e for e in points if e.tag != tag])
+        if block.tracks and block.first in self._times:
+            frames = range(block.first, block.last + 1)
+            keys, memos = {f: self.camera_keys(f) for f in frames}, {f: self._memos[f] for f in frames}
+            self.window.add(point_factor(block, keys, memos, camera, config), tag)
+
+    def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
+        """The camera came so far from one frame to another, both of which are held."""
+        self.window.settle([e for e in self.window.entries if e.tag == WAY])
+        self.window.add(way_factor([X(first), X(second)], self.arm_m, way_m, sigma_m), WAY)
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
