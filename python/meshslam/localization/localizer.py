@@ -17,7 +17,8 @@ from meshslam.localization.frame_masks import FrameMasks, associate, frame_views
 from meshslam.localization.gtsam_bridge import adjoint
 from meshslam.localization.imu import Interval, Mounting, NavState, Preintegrator, predict
 from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.smoother import Smoother, start_covariance
+from meshslam.localization.smoother import Smoother
+from meshslam.localization.start_factors import start_covariance
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples

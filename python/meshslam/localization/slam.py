@@ -8,36 +8,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshslam.categories import Category
-from meshslam.geometry import Camera, ObjectModel, Pose, View
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Camera, ObjectModel, Pose
+from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
-from meshslam.localization.frame_masks import lowest, touch
 from meshslam.localization.imu import Mounting, NavState
 from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
 from meshslam.localization.motion import ImuMotion, MotionSource, slam_imu
 from meshslam.localization.mover import LinearView, velocity_that_explains
+from meshslam.localization.object_start import object_of
 from meshslam.localization.pictures import Pictures
 from meshslam.localization.road_odometry import RoadOdometry
+from meshslam.localization.sights import Sight, SightFinder
 from meshslam.localization.smoother import Smoother, WholePath
 from meshslam.localization.window import Entry
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.ground import road_points
-from meshslam.mapping.observations import make_view
-from meshslam.mapping.reconstruct import Observed, Reconstruction, Scene, motion, reconstruct
-from meshslam.mapping.track import Track, make_views
+from meshslam.mapping.reconstruct import Reconstruction, Scene
+from meshslam.mapping.track import Track
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
-
-
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """A detection of a track in a frame that the smoother holds."""
-
-    index: int  # of the frame
-    detection: Detection
-    occluder: Bytes
-    view: View
 
 
 @dataclass
@@ -83,14 +73,11 @@ class Slam:
         self._motion = self.motion or ImuMotion(imu)
         lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
         self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
-        self._order = [
-            self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
-            for n in self.keypoint_names
-        ]
+        views = replace(self.mapping, crop_margin=self.slam.crop_margin)
+        self.sights = SightFinder(self.camera, self.category, self.model, self.keypoint_names, views)
         height, has_road = self.height_above_ground_m, self.pictures is not None and self.slam.road.enabled
         self._road = RoadOdometry(self.camera, height, self.slam.road) if has_road and height is not None else None
         self.candidates: dict[int, Candidate] = {}
-        self._views = replace(self.mapping, crop_margin=self.slam.crop_margin)
         self._growth = growth(self.category)
         self.noise = replace(self.mapping.noise, keypoint_position_sigma_m=0.0)  # it is in the views
         self.in_view: dict[int, int] = {}  # by track, the number of its landmark in the window
@@ -136,7 +123,7 @@ class Slam:
         self.times_s.append(time_s)
         self.path[frame] = self.smoother.estimate(self.smoother.frame).world_from_camera
         added: dict[int, tuple[Entry, SeenObject, int]] = {}
-        for sight in self._sights(detections):
+        for sight in self.sights.of_frame(self.smoother.frame, detections):
             track = sight.detection.track_id
             assert track is not None
             number = self.in_view.get(track)
@@ -156,25 +143,6 @@ class Slam:
         self._leave()
         self._know_again()
         return SlamReport(frame, self.odometer.map_from_odometry @ self.path[frame], tuple(sorted(added)), has_gap)
-
-    def _sights(self, detections: Sequence[Detection]) -> list[Sight]:
-        """Views of this frame's tracked detections; what hides them is told by the masks' lowest rows."""
-        own = [d for d in detections if d.category == self.category.name and d.track_id is not None]
-        masks = {d.id: d.mask() for d in detections}
-        found = []
-        for detection in own:
-            occluder = np.zeros((self.camera.height, self.camera.width), np.uint8)
-            for other in detections:
-                if other.id != detection.id and touch(other.bbox, detection.bbox) and lowest(other) > lowest(detection):
-                    occluder |= masks[other.id]
-            found.append(self.sight(self.smoother.frame, detection, occluder))
-        return found
-
-    def sight(self, index: int, detection: Detection, occluder: Bytes) -> Sight:
-        """A detection in a frame, with what it shows."""
-        pose = Pose.identity()
-        view = make_view(self.model, self.camera, pose, 0.0, detection, occluder, self._order, self._views)
-        return Sight(index, detection, occluder, view)
 
     def _seen(self, sight: Sight, world_from_object: Pose) -> SeenObject:
         """A view with what the object's own shape and key points add to its noise at the depth where it now is.
@@ -197,7 +165,7 @@ class Slam:
             if seen.cost_share(camera.inverse() @ pose, z) > self.slam.largest_cost:
                 bad.append(entry)
         if bad:
-            self.smoother.window.drop(bad)
+            self.smoother.drop_views(bad)
             self.smoother.update()
 
     def _ready(self, number: int) -> bool:
@@ -215,7 +183,7 @@ class Slam:
     def _start(self, track: int) -> bool:
         """Initialize a track's object from its views at the current camera poses; if it fits, it is tied in."""
         candidate = self.candidates[track]
-        found = self._reconstructed(candidate)
+        found = self._reconstructed(candidate.sights)
         if found is None:
             candidate.next_try = len(candidate.sights) + self.slam.retry_views
             return False
@@ -241,40 +209,21 @@ class Slam:
             return
         landmark.nearest_m = away
         sigma = float(np.hypot(self.mapping.ground_height_sigma_m, self.mapping.ground_slope_sigma * away))
-        state = replace(self.model.state_at(landmark.world_from_object), z=landmark.z)
-        below = height + float(self.model.vertices(state)[:, 2].min())
+        below = height + float(self._vertices(landmark)[:, 2].min())
         self.smoother.stand_on_road(number, self.smoother.frame, below, sigma)
 
-    def _reconstructed(self, candidate: Candidate) -> Reconstruction | str | None:
-        """The object of a track; "moves" if it does, None if it fits no object yet."""
-        sights = candidate.sights
+    def _vertices(self, landmark: Landmark) -> Floats:
+        return self.model.vertices(replace(self.model.state_at(landmark.world_from_object), z=landmark.z))
+
+    def _reconstructed(self, sights: Sequence[Sight]) -> Reconstruction | str | None:
         poses = tuple(self.smoother.estimate(s.index).world_from_camera for s in sights)
         times = np.array([self.times_s[s.index] for s in sights])
         track = Track(0, tuple(s.detection for s in sights), poses, times)
-        occluders = {s.detection.id: s.occluder for s in sights}
-        views = make_views(
-            track,
-            self.model,
-            self.category,
-            self.keypoint_names,
-            self.camera,
-            lambda d: occluders[d.id],
-            self.mapping,
-        )
-        chosen = sorted({int(i) for i in np.linspace(0, len(sights) - 1, self.mapping.start_views)})
-        observed = Observed(track, views, track.subset(chosen), [views[i] for i in chosen])
         road = None
         if self.height_above_ground_m is not None:
             road = road_points([self.path[f] for f in self.frame_ids], self.height_above_ground_m)
         scene = Scene(self.camera, self.category, self.model, self.keypoint_names, road, self.mapping)
-        found = reconstruct(observed, scene)
-        vertices = self.model.vertices(found.state)
-        iou = self.model.mask_ious(views, [found.state.world_from_object], vertices)
-        if float(iou.mean()) < self.slam.minimum_mask_iou:
-            return None
-        velocity, gain = motion(observed, scene, found)
-        fast = float(np.linalg.norm(velocity)) > self.mapping.max_speed_m_s
-        return "moves" if fast and gain > self.mapping.motion_gain else found
+        return object_of(track, [s.occluder for s in sights], scene, self.slam.minimum_mask_iou)
 
     def _leave(self) -> None:
         """Put landmarks that left the window where they now are in the map."""
@@ -306,10 +255,12 @@ class Slam:
             landmark = self.landmarks[number]
             landmark.world_from_object, landmark.z = self.smoother.object_state(number)
         for number in added:
-            self.landmarks[number].views += 1
-            self.landmarks[number].last_way_m = self.odometer.way_m
+            landmark = self.landmarks[number]
+            landmark.views += 1
+            landmark.last_way_m = self.odometer.way_m
+            landmark.dimensions = np.ptp(self._vertices(landmark), axis=0)
             self._stand(number)
-            if self.landmarks[number].views % self.slam.motion_views == 0:
+            if landmark.views % self.slam.motion_views == 0:
                 self._check_motion(number)
 
     def _check_motion(self, number: int) -> None:

@@ -58,7 +58,9 @@ def slam_from_arrays(slam: Slam, arrays: Mapping[str, Any]) -> None:
     smoother_from_arrays(slam.smoother, arrays, slam.model, slam.noise)
     hidden = iter(arrays["occluders"])
     for row in plain["candidates"]:
-        sights = [slam.sight(s["index"], _detection(s["detection"]), _mask(next(hidden), slam)) for s in row["sights"]]
+        sights = [
+            slam.sights.of(s["index"], _detection(s["detection"]), _mask(next(hidden), slam)) for s in row["sights"]
+        ]
         slam.candidates[row["track"]] = Candidate(sights, row["next_try"])
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, O, S, T, V, X, Z
+from gtsam.symbol_shorthand import B, O, S, V, X, Z
 
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
@@ -20,10 +20,12 @@ from meshslam.localization.past import Pair, Past, smooth_whole
 from meshslam.localization.point_factor import point_factor
 from meshslam.localization.point_tracks import PointBlock, PointConfig
 from meshslam.localization.road_factor import road_factor
+from meshslam.localization.start_factors import OFFSET, ROTATION, start_factors
+from meshslam.localization.tags import PointTag, RoadTag, ViewTag
 from meshslam.localization.way_factor import way_factor
 from meshslam.localization.window import Entry, Window, linear_factor
 
-ROTATION, OFFSET, SIZE = E(0), T(0), S(0)
+SIZE = S(0)
 WAY = "way"  # tag of factors of the camera's way
 
 
@@ -36,44 +38,11 @@ class FrameEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class ViewTag:
-    """A factor that is a view: of which object, in which frame."""
-
-    number: int
-    frame: int
-    seen: SeenObject
-
-
-@dataclass(frozen=True)
-class PointTag:
-    """A factor of the corners of a block of frames."""
-
-    row: int
-    first: int
-
-
-@dataclass(frozen=True)
-class RoadTag:
-    """A factor that puts an object's wheels on the road."""
-
-    number: int
-
-
-@dataclass(frozen=True, eq=False)
 class WholePath:
     """All frames of a run, smoothed together."""
 
     world_from_camera: tuple[Pose, ...]
     same: tuple[Pair, ...]  # objects that are one
-
-
-def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
-    """Covariance (6, 6) of the first pose, right perturbation, (translation, rotation)."""
-    tilt, heading = np.radians([start.rotation_sigma_deg, start.heading_sigma_deg])
-    turn = world_from_imu.rotation
-    out = start.position_sigma_m**2 * np.eye(6)
-    out[3:, 3:] = turn.T @ np.diag(np.square([tilt, tilt, heading])) @ turn
-    return out
 
 
 class Smoother:
@@ -103,20 +72,11 @@ class Smoother:
         """The first frame: its state and the mounting, each with its prior."""
         self.frame = 0
         self._insert(0, state, rate_rad_s)
-        noise, window = gtsam.noiseModel, self.window
-        pose_noise = noise.Gaussian.Covariance(to_gtsam_covariance(start_covariance(self._start, state.world_from_imu)))
-        window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
-        velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
-        window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
-        bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-        bias_sigmas = [self._imu.accelerometer_bias_sigma_m_s2] * 3 + [self._imu.gyroscope_bias_sigma_rad_s] * 3
-        window.add(gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(np.array(bias_sigmas))))
-        mounted, offset = gtsam.Rot3(self._mounting.imu_from_camera.rotation), np.array([self._mounting.time_offset_s])
-        window.values.insert(ROTATION, mounted)
-        window.values.insert(OFFSET, offset)
-        turn_noise = noise.Isotropic.Sigma(3, np.radians(self._imu.extrinsic_rotation_sigma_deg))
-        window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
-        window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
+        values, mounting = self.window.values, self._mounting
+        values.insert(ROTATION, gtsam.Rot3(mounting.imu_from_camera.rotation))
+        values.insert(OFFSET, np.array([mounting.time_offset_s]))
+        for factor in start_factors(self._start, self._imu, state, mounting):
+            self.window.add(factor)
 
     def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
         """The next frame, tied to the last by its IMU samples, or by the camera's step."""
@@ -304,6 +264,12 @@ class Smoother:
             self._shaped[number] = []
         if self.past is not None:
             self.past.forget(number)
+
+    def drop_views(self, entries: Sequence[Entry]) -> None:
+        """Take views of this frame back."""
+        self.window.drop(entries)
+        gone = {id(entry.tag) for entry in entries}
+        self._shaped = {n: [tag for tag in tags if id(tag) not in gone] for n, tags in self._shaped.items()}
 
     def views_of(self, number: int) -> list[tuple[int, Floats, Floats]]:
         """Frame, Jacobian (n, 6 + modes) and residual (n,) of each view of an object that is mapped along."""

@@ -26,7 +26,8 @@ from meshslam.localization.graph_archive import (
     values_to_arrays,
 )
 from meshslam.localization.past import Past
-from meshslam.localization.smoother import RoadTag, Smoother, ViewTag
+from meshslam.localization.smoother import Smoother
+from meshslam.localization.tags import RoadTag, ViewTag
 from meshslam.localization.window import Entry
 
 _IN_WINDOW, _IN_PAST, _LEFT_BEHIND = range(3)  # where a factor is; the last: in the window, of variables that are gone
