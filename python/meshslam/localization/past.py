@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import gtsam
 import numpy as np
@@ -41,7 +42,7 @@ def smooth_whole(
 ) -> tuple[gtsam.Values, tuple[Pair, ...]]:
     """All variables of a run, solved over all of its factors, and which of the pairs of objects `same` are one.
 
-    Pairs that the rest speaks against, once all are solved together, are taken back.
+    A pair that the rest speaks against, once all are solved together, is taken back, the worst first.
     """
     whole = Window()
     whole.values.insert(past.values)
@@ -49,14 +50,15 @@ def smooth_whole(
     for entry in [*past.entries, *window.entries]:
         if entry.origin is not None:
             whole.add(entry.origin)
-    for pair in same:
+    held = list(same)
+    for pair in held:
         _join(whole, pair)
     whole.optimize(iterations)
-    wrong = {pair for pair in same if _error(whole, pair) > _LARGEST_ERROR}
-    if wrong:
-        whole.drop([entry for entry in whole.entries if entry.tag in wrong])
+    while held and _error(whole, worst := max(held, key=partial(_error, whole))) > _LARGEST_ERROR:
+        held.remove(worst)
+        whole.drop([entry for entry in whole.entries if entry.tag == worst])
         whole.optimize(iterations)
-    return whole.values, tuple(pair for pair in same if pair not in wrong)
+    return whole.values, tuple(held)
 
 
 def _join(whole: Window, pair: Pair) -> None:
