@@ -51,7 +51,7 @@ def test_localize_writes_a_run(drive, tmp_path):
     figures = json.loads(done("localize", drive, "--map", drive / "objects.json", "--out", run, "--json").stdout)
     assert figures["ate_rmse_m"] < 0.1
     assert len((run / "trajectory.tum").read_text().splitlines()) == 6
-    for name in ("detections.json", "metrics.json", "config.yaml", "report.html", "camera.yaml"):
+    for name in ("detections.json", "metrics.json", "config.yaml", "report.html", "camera.yaml", "path.png"):
         assert (run / name).is_file()
     assert not (run / "map.json").exists()
     assert "IMU alone" in (run / "report.html").read_text()
@@ -87,3 +87,36 @@ def test_mistakes_are_said_in_one_line(drive, street, tmp_path):
     assert "no IMU" in error_of(meshslam("localize", street, "--map", drive / "objects.json", "--out", out))
     found = meshslam("localize", street, "--map", drive / "objects.json", "--imu", drive / "imu.csv", "--out", out)
     assert "without extrinsics" in error_of(found)
+
+
+def _changed(drive, folder, edit):
+    from shutil import copytree
+
+    copytree(drive, folder)
+    header, *rows = (folder / "imu.csv").read_text().splitlines()
+    (folder / "imu.csv").write_text("\n".join([header, *edit(rows)]) + "\n")
+    return folder
+
+
+def test_an_imu_that_cannot_serve_is_refused_in_clear_words(drive, tmp_path):
+    out, known = tmp_path / "run", drive / "objects.json"
+
+    def later(rows):
+        return [f"{float(row.split(',')[0]) + 500:.9f},{row.split(',', 1)[1]}" for row in rows]
+
+    other_clock = _changed(drive, tmp_path / "clock", later)
+    slow = _changed(drive, tmp_path / "slow", lambda rows: rows[::5])
+    for command in (("localize", "--map", known), ("slam",)):
+        assert "another clock?" in error_of(meshslam(command[0], other_clock, *command[1:], "--out", out))
+        message = error_of(meshslam(command[0], slow, *command[1:], "--out", out))
+        assert "Hz, at least 50 Hz are needed" in message
+        assert str(slow) in message
+
+
+def test_what_a_path_suffers_from_is_noted(drive, tmp_path):
+    gap = _changed(drive, tmp_path / "gap", lambda rows: rows[:10] + rows[30:])
+    found = json.loads((gap / "detections.json").read_text())
+    (gap / "detections.json").write_text(json.dumps({**found, "annotations": []}))
+    said = done("localize", gap, "--map", drive / "objects.json", "--out", tmp_path / "run").stderr
+    assert "no IMU samples from 0.09 s to 0.30 s" in said
+    assert "no object is detected in any frame" in said

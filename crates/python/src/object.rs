@@ -460,11 +460,26 @@ impl View {
 
     /// The same view, where the true surface may lie this far from any mesh.
     fn with_surface_sigma(&self, sigma_px: f64) -> PyResult<Self> {
-        if !(sigma_px.is_finite() && sigma_px >= 0.0) {
-            return Err(PyValueError::new_err(format!("a surface's sigma must not be negative, found {sigma_px}")));
-        }
+        check_sigma("surface", sigma_px)?;
         Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
     }
+
+    /// The same view, where each key point's pixel sigma grows by this one, in variance.
+    fn with_keypoint_sigma(&self, sigma_px: f64) -> PyResult<Self> {
+        check_sigma("key point", sigma_px)?;
+        let mut inner = self.inner.clone();
+        for keypoint in &mut inner.keypoints {
+            keypoint.sigma_px = keypoint.sigma_px.hypot(sigma_px);
+        }
+        Ok(Self { inner })
+    }
+}
+
+fn check_sigma(whose: &str, sigma_px: f64) -> PyResult<()> {
+    if sigma_px.is_finite() && sigma_px >= 0.0 {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("a {whose}'s sigma must not be negative, found {sigma_px}")))
 }
 
 /// Pixels row by row.

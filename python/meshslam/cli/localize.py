@@ -92,6 +92,7 @@ def run_localize(settings: Config, out: Path, *, overwrite: bool) -> dict[str, f
     with progress_bars() as bars:
         with clock.timing("perception"):
             found, _ = stages.perceive(recording, settings, run, bars)
+        stages.say_notes(recording, found, settings)
         with clock.timing("localization"):
             result = localize_sequence(recording, found, scene, settings.localization, bars)
         mounted, height = recording.imu_from_camera, recording.height_above_ground_m

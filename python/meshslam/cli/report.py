@@ -13,6 +13,7 @@ from meshslam.maps import Map, RunDirectory
 from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
 from meshslam.viewing import ReportContext, can_record, write_recording, write_report
+from meshslam.viewing.path_charts import can_plot, iterations_chart, path_chart
 
 Paths = dict[str, tuple[Pose, ...]]
 
@@ -72,9 +73,26 @@ def _save(
         metrics=figures,
         other_paths=other_paths,
         stages=stages,
+        charts=_charts(world_from_camera, scene, other_paths, figures, run),
     )
     if can_record():
         part = run.path(".recording.rrd.meshslam-part")
         write_recording(context, part)
         part.replace(run.path("recording.rrd"))
     run.save("report.html", write_report(context))
+
+
+def _charts(
+    path: tuple[Pose, ...], scene: Map, others: Paths, figures: dict[str, float], run: RunDirectory
+) -> tuple[tuple[str, bytes], ...]:
+    """path.png and iterations.png, as in the paper; none where the path was given, or without Matplotlib."""
+    if not others or not can_plot():
+        return ()
+    drawn = dict(reversed(others.items())) | {"estimate": path}  # truth below, the estimate on top
+    charts = [("path.png", "The path among the objects, from above.", path_chart(scene, drawn))]
+    iterations = iterations_chart(figures)
+    if iterations is not None:
+        charts.append(("iterations.png", "The path's error after each iteration.", iterations))
+    for name, _, content in charts:
+        run.save(name, content)
+    return tuple((caption, content) for _, caption, content in charts)

@@ -18,6 +18,7 @@ from meshslam.categories import load_category
 from meshslam.cli.config import Config, InputConfig, to_yaml
 from meshslam.errors import DetectionError, ModelError, SequenceError
 from meshslam.geometry.arrays import Bytes
+from meshslam.localization import imu_notes, object_notes
 from meshslam.mapping import Frames, Mapping, correct_rotations, map_objects
 from meshslam.maps import Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import (
@@ -121,6 +122,12 @@ def perceive(recording: Sequence, config: Config, run: RunDirectory, bars: Bars)
     found = with_keypoints(recording, segment_frames(recording, config, bars), config, bars)
     run.save("detections.json", write_detections(found))
     return found, tracks_given(found, config)
+
+
+def say_notes(recording: Sequence, found: DetectionSet, config: Config) -> None:
+    """Say what a path will suffer from."""
+    for note in imu_notes(recording, config.localization.imu) + object_notes(recording, found):
+        print(f"note: {note}", file=sys.stderr)
 
 
 def tracks_given(found: DetectionSet, config: Config) -> bool:

@@ -18,9 +18,9 @@ from meshslam.sequences import Sequence as Recording
 from meshslam.sequences import open_sequence
 from meshslam.simulation import Street, StreetConfig
 from meshslam.simulation.config import SimulationConfig, simulate_street
-from meshslam.viewing.birds_eye import footprint
 from meshslam.viewing.charts import Line, line_charts
 from meshslam.viewing.overlay import draw_overlay
+from meshslam.viewing.path_charts import lines_from_above
 
 STREET = StreetConfig(
     frames=70,
@@ -145,11 +145,7 @@ def _charts(paths: _Paths, scene: Map) -> list[Picture]:
         "paper's solver": paths.paper.world_from_camera,
         "default": paths.default.world_from_camera,
     }
-    above = [Line(name, *_across(path)) for name, path in named.items()]
-    for thing in scene.objects:
-        hull = footprint(thing)
-        closed = np.concatenate([hull, hull[:1]])
-        above.append(Line("", closed[:, 0].tolist(), closed[:, 1].tolist()))
+    above = lines_from_above(scene, named)
     numbers = list(range(len(paths.truth)))
     over_frames = [Line(name, numbers, paths.errors_m(path)) for name, path in named.items() if name != "truth"]
     over_iterations = [
@@ -170,11 +166,6 @@ def _charts(paths: _Paths, scene: Map) -> list[Picture]:
         for name, charts, x, y, caption in wanted
         for kind in ("svg", "png")
     ]
-
-
-def _across(path: Sequence[Pose]) -> tuple[list[float], list[float]]:
-    places = np.array([pose.translation for pose in path])
-    return places[:, 0].tolist(), places[:, 1].tolist()
 
 
 def _picture(recording: Recording, seen: DetectionSet, scene: Map, street: Street) -> Picture:

@@ -11,8 +11,10 @@ from meshslam.localization.config import (
 )
 from meshslam.localization.inertial import inertial_path, start_state
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.notes import imu_notes, object_notes
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
+from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
 from meshslam.localization.system import Frame, State, System, SystemConfig
 
 __all__ = [
@@ -27,13 +29,18 @@ __all__ = [
     "Slam",
     "SlamConfig",
     "SlamPath",
+    "SlamState",
+    "SlamSystem",
+    "SlamSystemConfig",
     "SmootherConfig",
     "StartConfig",
     "State",
     "System",
     "SystemConfig",
+    "imu_notes",
     "inertial_path",
     "localize",
+    "object_notes",
     "slam_path",
     "start_state",
 ]

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 import gtsam
 import numpy as np
 
-from meshslam.geometry import NoiseModel, ObjectModel, Pose, SquareRoot, View, exp_so3, hat
+from meshslam.geometry import NoiseModel, ObjectModel, Pose, SquareRoot, View, exp_so3
 from meshslam.geometry.arrays import Floats
-from meshslam.localization.gtsam_bridge import adjoint, from_pose3, to_gtsam_columns
+from meshslam.localization.gtsam_bridge import adjoint, cross_matrix, from_pose3, to_gtsam_columns
 
-REUSE_PX = 0.2  # a linearization is kept while it moves the object on the image by less
+REUSE_PX = 0.2  # a linearization is kept while it moves the object on the image by less,
+REUSE_MODES = 0.1  # and its modes by less
 
 CameraKeys = tuple[int, int, int, int]  # X, V, E, T
 
@@ -67,11 +68,11 @@ def place_camera(
     camera_from_imu_now = (turn @ imu_from_camera.rotation).T
     by_imu, by_offset = np.zeros((6, 6)), np.zeros((6, 1))
     by_imu[:3, :3] = by_imu[3:, 3:] = camera_from_imu_now
-    by_imu[:3, 3:] = -camera_from_imu_now @ hat(arm)
+    by_imu[:3, 3:] = -camera_from_imu_now @ cross_matrix(arm)
     by_velocity, by_rotation = np.zeros((6, 3)), np.zeros((6, 3))
     by_velocity[:3] = offset_s * rotation.T
     by_rotation[3:] = np.eye(3)
-    swing = turned @ (hat(rate_rad_s) @ imu_from_camera.translation)
+    swing = turned @ (cross_matrix(rate_rad_s) @ imu_from_camera.translation)
     by_offset[:3, 0] = rotation.T @ (velocity + swing)
     by_offset[3:, 0] = imu_from_camera.rotation.T @ rate_rad_s
     return CameraPlace(pose, by_imu, by_velocity, by_rotation, by_offset)
@@ -88,7 +89,7 @@ class SeenObject:
     """The cost of one view over camera_from_object and modes; a linearization serves until its image moves."""
 
     model: ObjectModel
-    view: View
+    view: View | None  # None: the last linearization serves for good
     noise: NoiseModel
     focal_px: float
     enabled: bool = True
@@ -100,14 +101,33 @@ class SeenObject:
         """Derivative (n + 1, n) over (translation, rotation, modes if z is given) and residual (n + 1,)."""
         weights = np.zeros(0) if z is None else z
         step = self._step(camera_from_object, weights)
-        if step is None or self._root is None:
+        if self.view is not None and (step is None or self._root is None):
             self.evaluations += 1
             self._root = self.model.square_root(self.view, self.noise, camera_from_object, z, modes=z is not None)
             self._at = camera_from_object, weights
             step = np.zeros(6 + len(weights))
+        assert step is not None
+        assert self._root is not None
         jacobian = self._root.root[:, :-1]
         residual: Floats = jacobian @ step + self._root.root[:, -1]
         return jacobian, residual
+
+    def freeze(self, camera_from_object: Pose, z: Floats) -> None:
+        """Linearize here for good, and let the view go."""
+        self._at = None
+        self.linearize(camera_from_object, z)
+        self.view = None
+
+    @property
+    def frozen(self) -> tuple[Pose, Floats, SquareRoot]:
+        """Where the view was linearized last, and what it then said."""
+        assert self._at is not None
+        assert self._root is not None
+        return *self._at, self._root
+
+    def restore(self, camera_from_object: Pose, z: Floats, root: SquareRoot) -> None:
+        """Take over a linearization."""
+        self._at, self._root = (camera_from_object, z), root
 
     def cost_share(self, camera_from_object: Pose, z: Floats | None = None) -> float:
         """Cost per independent observation: about 1/2 where the model is right."""
@@ -123,12 +143,15 @@ class SeenObject:
         turn = at.rotation.T @ camera_from_object.rotation
         moved = camera_from_object.translation - at.translation
         small = small_rotation(turn)
+        step = np.concatenate([at.rotation.T @ moved, small, z - old_z])
+        if self.view is None:
+            return step
         depth = max(float(at.translation[2]), 1.0)
         # the rotation of the relative pose moves the object's surface, about 2 m off its centre
         moved_m = max(map(abs, moved.tolist())) + 2.0 * max(map(abs, small.tolist()))
-        if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > 0.02):
+        if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > REUSE_MODES):
             return None
-        return np.concatenate([at.rotation.T @ moved, small, z - old_z])
+        return step
 
 
 def object_factor(

@@ -111,10 +111,10 @@ def frame_views(
             continue
         occluder = np.zeros((frame.camera.height, frame.camera.width), np.uint8)
         for other in frame.detections:
-            if other.id == detection.id or not _touch(other.bbox, detection.bbox):
+            if other.id == detection.id or not touch(other.bbox, detection.bbox):
                 continue
             blocker = matched.get(other.id)
-            nearer = depth[blocker.id] < depth[thing.id] if blocker is not None else _lowest(other) > _lowest(detection)
+            nearer = depth[blocker.id] < depth[thing.id] if blocker is not None else lowest(other) > lowest(detection)
             if nearer:
                 occluder |= frame.masks[other.id]
         occluder |= _drawn_before(frame.camera, world_from_camera, thing, unseen, depth, detection)
@@ -138,7 +138,7 @@ def _drawn_before(
     before = []
     for other in unseen:
         box = other.box(camera, world_from_camera) if depth[other.id] < depth[thing.id] else None
-        if box is not None and _touch((box[0], box[1], box[2] - box[0], box[3] - box[1]), (x, y, w, h)):
+        if box is not None and touch((box[0], box[1], box[2] - box[0], box[3] - box[1]), (x, y, w, h)):
             before.append((world_from_camera.inverse() @ other.world_from_object, other.vertices, other.faces))
     if not before:
         return np.zeros((camera.height, camera.width), np.uint8)
@@ -148,11 +148,12 @@ def _drawn_before(
 Box = tuple[float, float, float, float]
 
 
-def _touch(one: Box, other: Box) -> bool:
+def touch(one: Box, other: Box) -> bool:
+    """Whether two boxes come near each other."""
     (ax, ay, aw, ah), (bx, by, bw, bh) = one, other
     return max(max(ax, bx) - min(ax + aw, bx + bw), max(ay, by) - min(ay + ah, by + bh)) < _MARGIN_PX
 
 
-def _lowest(detection: Detection) -> tuple[float, float]:
+def lowest(detection: Detection) -> tuple[float, float]:
     """Order of nearness on the ground: the lowest row, then the size."""
     return round(detection.bbox[1] + detection.bbox[3], 1), detection.bbox[2] * detection.bbox[3]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -60,18 +60,16 @@ class CameraLoss:
         return loss, gradient
 
 
-def descend(start: Pose, losses: Sequence[CameraLoss], iterations: int) -> list[Pose]:
+Value = Callable[[Pose], tuple[float, Floats]]
+
+
+def descend(start: Pose, value_of: Value, scale: Floats, iterations: int) -> list[Pose]:
     """Poses after 0, 1, ... iterations: steps along the gradient whose length follows from the last (backtracking).
 
-    Translation and rotation are scaled so that both move the image alike; a step that does not help is halved.
+    `scale` (6,) are metres and radians that move the image by a pixel; a step that does not help is halved.
     """
     poses, step_px = [start], 1.0
-    if not losses:
-        return poses
-    depth = float(np.median([max(_depth_m(start, loss.thing), 2.0) for loss in losses]))
-    focal = losses[0].camera.fx
-    scale = np.array([depth / focal] * 3 + [1.0 / focal] * 3)  # metres and radians a pixel
-    value, gradient = _total(start, losses)
+    value, gradient = value_of(start)
     for _ in range(iterations):
         slope = scale * gradient
         size = float(np.linalg.norm(slope))
@@ -79,7 +77,7 @@ def descend(start: Pose, losses: Sequence[CameraLoss], iterations: int) -> list[
             break
         for _ in range(8):
             trial = retracted(poses[-1], -scale * slope / size * step_px)
-            found = _total(trial, losses)
+            found = value_of(trial)
             if found[0] < value:
                 break
             step_px *= 0.5
@@ -91,13 +89,40 @@ def descend(start: Pose, losses: Sequence[CameraLoss], iterations: int) -> list[
     return poses
 
 
-def _total(pose: Pose, losses: Sequence[CameraLoss]) -> tuple[float, Floats]:
+def descend_camera(start: Pose, losses: Sequence[CameraLoss], iterations: int) -> list[Pose]:
+    """A camera's poses on the way down the sum of its views' losses; only the start where it has none."""
+    if not losses:
+        return [start]
+    depth = float(np.median([max(_depth_m(start, loss.thing.world_from_object), 2.0) for loss in losses]))
+    return descend(start, lambda pose: camera_value(pose, losses), per_pixel(depth, losses[0].camera.fx), iterations)
+
+
+def camera_value(pose: Pose, losses: Sequence[CameraLoss]) -> tuple[float, Floats]:
+    """Sum of the views' losses, and its gradient (6,) over a right perturbation of the camera."""
     parts = [loss.value(pose) for loss in losses]
     return sum(value for value, _ in parts), np.sum([gradient for _, gradient in parts], axis=0)
 
 
-def _depth_m(pose: Pose, thing: KnownObject) -> float:
-    return float(pose.inverse().transform(thing.world_from_object.translation)[2])
+def per_pixel(depth_m: float, focal_px: float) -> Floats:
+    """What moves the image by a pixel (6,), metres and radians, so that both move it alike."""
+    return np.array([depth_m / focal_px] * 3 + [1.0 / focal_px] * 3)
+
+
+def _depth_m(world_from_camera: Pose, world_from_object: Pose) -> float:
+    return float(world_from_camera.inverse().transform(world_from_object.translation)[2])
+
+
+def camera_loss(
+    masks: FrameMasks, detection: Detection, thing: KnownObject, keypoint_names: Sequence[str], weight: float
+) -> CameraLoss:
+    """The loss of one detection of a known object; without its mask where another detection comes near."""
+    order = thing.keypoint_order(tuple(keypoint_names))
+    index, pixels, sigma = keypoints_of(detection, order, MappingConfig())
+    placed = thing.keypoints[index] if len(index) else np.zeros((0, 3))
+    free = not any(_overlap(other, detection) for other in masks.detections if other.id != detection.id)
+    camera, mask = masks.camera, masks.masks[detection.id]
+    seen = MaskLoss(camera, len(thing.vertices), thing.faces, mask) if free else None
+    return CameraLoss(thing, seen, camera, placed, pixels, sigma, weight)
 
 
 @dataclass
@@ -136,22 +161,19 @@ class GradientLocalizer:
         masks = FrameMasks(self.camera, detections)
         expected = in_view(self.camera, predicted, self.objects, self.config.association.largest_distance_m)
         matched = associate(masks, predicted, expected, self.config.association)
-        losses = [self._loss(masks, d, matched[d.id]) for d in masks.detections if d.id in matched]
-        steps = descend(predicted, losses, self.config.gradient_iterations)
+        names, weight = self.keypoint_names, self.config.gradient_keypoint_weight
+        losses = [
+            camera_loss(masks, d, matched[d.id], names.get(d.category, ()), weight)
+            for d in masks.detections
+            if d.id in matched
+        ]
+        steps = descend_camera(predicted, losses, self.config.gradient_iterations)
         corrected = steps[-1]
         self.steps[frame], self.path[frame] = steps, corrected
         world_from_imu = corrected @ self.mounting.imu_from_camera.inverse()
         self._state = replace(state, world_from_imu=world_from_imu)
         ids = {k: thing.id for k, thing in matched.items()}
         return FrameReport(frame, predicted, corrected, ids, (), has_gap)
-
-    def _loss(self, masks: FrameMasks, detection: Detection, thing: KnownObject) -> CameraLoss:
-        order = thing.keypoint_order(self.keypoint_names.get(detection.category, ()))
-        index, pixels, sigma = keypoints_of(detection, order, MappingConfig())
-        placed = thing.keypoints[index] if len(index) else np.zeros((0, 3))
-        free = not any(_overlap(other, detection) for other in masks.detections if other.id != detection.id)
-        mask = MaskLoss(self.camera, len(thing.vertices), thing.faces, masks.masks[detection.id]) if free else None
-        return CameraLoss(thing, mask, self.camera, placed, pixels, sigma, self.config.gradient_keypoint_weight)
 
 
 def _overlap(one: Detection, other: Detection) -> bool:

@@ -35,6 +35,16 @@ class Interval:
     has_gap: bool
 
 
+@dataclass(frozen=True, eq=False)
+class RelativeMotion:
+    """The step from one frame's camera to the next one's, where no IMU tells."""
+
+    first_from_second: Pose
+    sigmas: Floats  # (6,), of (translation, rotation)
+    angular_rate_rad_s: Floats  # (3,)
+    has_gap: bool = False
+
+
 def check_imu(sequence: Sequence, config: ImuConfig) -> tuple[ImuSamples, Pose]:
     """The sequence's IMU and imu_from_camera; SequenceError in clear words where inertial odometry cannot work."""
     imu, root = sequence.imu, sequence.root

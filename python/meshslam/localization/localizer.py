@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.geometry import Camera, Pose, View
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import Correction, Sighting, correct
 from meshslam.localization.factors import SeenObject, place_camera
@@ -16,7 +17,8 @@ from meshslam.localization.frame_masks import FrameMasks, associate, frame_views
 from meshslam.localization.gtsam_bridge import adjoint
 from meshslam.localization.imu import Interval, Mounting, NavState, Preintegrator, predict
 from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.smoother import Smoother, SmootherBelief
+from meshslam.localization.smoother import Smoother
+from meshslam.localization.start_factors import start_covariance
 from meshslam.mapping.config import MappingConfig
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
@@ -61,10 +63,9 @@ class Localizer:
         """The first frame, whose state is known."""
         rate = np.array([np.interp(state.time_s, imu.times_s, c) for c in imu.angular_rate_rad_s.T])
         self._smoother.begin(state, rate)
-        start = self.config.start
-        sigmas = [start.position_sigma_m] * 3 + [np.radians(start.rotation_sigma_deg)] * 3
         self._frame_ids = [frame]
-        return self._see(frame, state, rate, np.diag(np.square(sigmas)), detections, has_gap=False)
+        covariance = start_covariance(self.config.start, state.world_from_imu)
+        return self._see(frame, state, rate, covariance, detections, has_gap=False)
 
     def process(self, frame: int, time_s: float, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
         """The next frame, `imu` holding the samples since the last one."""
@@ -76,6 +77,10 @@ class Localizer:
         self._frame_ids.append(frame)
         covariance = self._carried(last, state, interval)
         return self._see(frame, state, interval.angular_rate_rad_s, covariance, detections, has_gap=interval.has_gap)
+
+    def first_state(self) -> NavState:
+        """The first frame's state as it is now seen, while the lag still holds it."""
+        return self._smoother.estimate(0).state
 
     @property
     def current_mounting(self) -> Mounting:

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, O, T, V, X, Z
+from gtsam.symbol_shorthand import B, O, S, V, X, Z
 
-from meshslam.errors import MapError
-from meshslam.geometry import Pose
+from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import ImuConfig, SmootherConfig, StartConfig
 from meshslam.localization.factors import CameraKeys, CameraMemo, SeenObject, object_factor, place_camera
-from meshslam.localization.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
-from meshslam.localization.imu import Interval, Mounting, NavState
-from meshslam.localization.window import Entry, Window
+from meshslam.localization.gtsam_bridge import OURS_FROM_GTSAM, from_pose3, to_gtsam_covariance, to_pose3
+from meshslam.localization.imu import Interval, Mounting, NavState, RelativeMotion
+from meshslam.localization.past import Pair, Past, smooth_whole
+from meshslam.localization.point_factor import point_factor
+from meshslam.localization.point_tracks import PointBlock, PointConfig
+from meshslam.localization.road_factor import road_factor
+from meshslam.localization.start_factors import OFFSET, ROTATION, start_factors
+from meshslam.localization.tags import PointTag, RoadTag, ViewTag
+from meshslam.localization.way_factor import way_factor
+from meshslam.localization.window import Entry, Window, linear_factor
 
-ROTATION, OFFSET = E(0), T(0)
+SIZE = S(0)
+WAY = "way"  # tag of factors of the camera's way
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,92 +37,61 @@ class FrameEstimate:
     world_from_camera: Pose
 
 
-@dataclass(frozen=True)
-class ViewTag:
-    """A factor that is a view: of which object, in which frame."""
-
-    number: int
-    frame: int
-
-
 @dataclass(frozen=True, eq=False)
-class SmootherBelief:
-    """The newest state and the mounting with their joint information, as rows |A x - b|.
+class WholePath:
+    """All frames of a run, smoothed together."""
 
-    x: E (3), T (1), V (3), X (6: rotation, translation), B (6: accelerometer, gyroscope), steps from the values held.
-    """
-
-    state: NavState
-    rate_rad_s: Floats  # (3,), free of bias
-    mounting: Mounting
-    rows: Floats  # (n, 20), [A b]
-
-    def arrays(self) -> dict[str, Floats]:
-        """Plain arrays by name."""
-        s = self.state
-        return {
-            "time_s": np.array(s.time_s),
-            "world_from_imu": s.world_from_imu.matrix,
-            "velocity": s.velocity_in_world,
-            "biases": np.concatenate([s.accelerometer_bias, s.gyroscope_bias]),
-            "rate": self.rate_rad_s,
-            "imu_from_camera": self.mounting.imu_from_camera.matrix,
-            "time_offset_s": np.array(self.mounting.time_offset_s),
-            "rows": self.rows,
-        }
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, Floats]) -> SmootherBelief:
-        """The reverse of `arrays`; MapError names what is missing."""
-        try:
-            biases = arrays["biases"]
-            pose, mounted = Pose.from_matrix(arrays["world_from_imu"]), Pose.from_matrix(arrays["imu_from_camera"])
-            state = NavState(float(arrays["time_s"]), pose, arrays["velocity"], biases[:3], biases[3:])
-            mounting = Mounting(mounted, float(arrays["time_offset_s"]))
-            return SmootherBelief(state, arrays["rate"], mounting, arrays["rows"])
-        except KeyError as error:
-            raise MapError(f"a saved system lacks {error}") from None
+    world_from_camera: tuple[Pose, ...]
+    same: tuple[Pair, ...]  # objects that are one
 
 
 class Smoother:
     """States of the last seconds; frames are numbered from 0 in the order in which they come."""
 
-    def __init__(self, imu: ImuConfig, start: StartConfig, lag: SmootherConfig, mounting: Mounting) -> None:
+    def __init__(
+        self,
+        imu: ImuConfig,
+        start: StartConfig,
+        lag: SmootherConfig,
+        mounting: Mounting,
+        *,
+        keep_past: bool = False,
+    ) -> None:
         self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
         self.window = Window()
-        self._rates: dict[int, Floats] = {}  # measured angular rate at each frame
+        self.past = Past() if keep_past else None
+        self.rates_rad_s: dict[int, Floats] = {}  # angular rate at each frame, free of bias
         self._times: dict[int, float] = {}
         self._memos: dict[int, CameraMemo] = {}
         self._objects: dict[int, int] = {}  # those estimated along, and the frame that saw each last
-        self._shaped: set[int] = set()  # those whose modes are estimated too
+        self._shaped: dict[int, list[ViewTag]] = {}  # those whose modes are estimated too, and their views
+        self._cameras: dict[int, Pose] = {}  # world_from_camera of each frame as it was when it left
         self.frame = -1
 
     def begin(self, state: NavState, rate_rad_s: Floats) -> None:
         """The first frame: its state and the mounting, each with its prior."""
         self.frame = 0
         self._insert(0, state, rate_rad_s)
-        rotation, position = np.radians(self._start.rotation_sigma_deg), self._start.position_sigma_m
-        noise, window = gtsam.noiseModel, self.window
-        pose_noise = noise.Diagonal.Sigmas(np.array([rotation] * 3 + [position] * 3))
-        window.add(gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), pose_noise))
-        velocity_noise = noise.Isotropic.Sigma(3, self._start.velocity_sigma_m_s)
-        window.add(gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise))
-        bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-        bias_sigmas = [self._imu.accelerometer_bias_sigma_m_s2] * 3 + [self._imu.gyroscope_bias_sigma_rad_s] * 3
-        window.add(gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(np.array(bias_sigmas))))
-        mounted, offset = gtsam.Rot3(self._mounting.imu_from_camera.rotation), np.array([self._mounting.time_offset_s])
-        window.values.insert(ROTATION, mounted)
-        window.values.insert(OFFSET, offset)
-        turn_noise = noise.Isotropic.Sigma(3, np.radians(self._imu.extrinsic_rotation_sigma_deg))
-        window.add(gtsam.PriorFactorRot3(ROTATION, mounted, turn_noise))
-        window.add(gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, self._imu.time_offset_sigma_s)))
+        values, mounting = self.window.values, self._mounting
+        values.insert(ROTATION, gtsam.Rot3(mounting.imu_from_camera.rotation))
+        values.insert(OFFSET, np.array([mounting.time_offset_s]))
+        for factor in start_factors(self._start, self._imu, state, mounting):
+            self.window.add(factor)
 
-    def advance(self, predicted: NavState, interval: Interval) -> None:
-        """The next frame, tied to the last by its IMU samples."""
+    def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
+        """The next frame, tied to the last by its IMU samples, or by the camera's step."""
         i, j = self.frame, self.frame + 1
         self.frame = j
-        self._insert(j, predicted, interval.angular_rate_rad_s)
-        self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), interval.measurements))
+        self._insert(j, predicted, tie.angular_rate_rad_s)
+        if isinstance(tie, Interval):
+            self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), tie.measurements))
+            return
+        diagonal, isotropic = gtsam.noiseModel.Diagonal.Sigmas, gtsam.noiseModel.Isotropic.Sigma
+        step = to_pose3(tie.first_from_second)
+        self.window.add(gtsam.BetweenFactorPose3(X(i), X(j), step, diagonal(tie.sigmas[OURS_FROM_GTSAM])))
+        # velocity and biases mean nothing here; the keys of views ask for them
+        self.window.add(gtsam.PriorFactorVector(V(j), predicted.velocity_in_world, isotropic(3, 1.0)))
+        self.window.add(gtsam.PriorFactorConstantBias(B(j), gtsam.imuBias.ConstantBias(), isotropic(6, 1e-3)))
 
     def see(self, seen: SeenObject, number: int, world_from_object: Pose, covariance: Floats | None) -> None:
         """A view of an object in this frame; with a covariance (6, 6) its pose is estimated along."""
@@ -126,40 +103,59 @@ class Smoother:
                 prior = gtsam.noiseModel.Gaussian.Covariance(to_gtsam_covariance(covariance))
                 self.window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._objects[number] = self.frame
-        factor = object_factor(seen, self._camera_keys(self.frame), self._memos[self.frame], key)
-        self.window.add(factor, ViewTag(number, self.frame))
+        factor = object_factor(seen, self.camera_keys(self.frame), self._memos[self.frame], key)
+        self.window.add(factor, ViewTag(number, self.frame, seen))
 
-    def add_object(self, number: int, world_from_object: Pose, z: Floats) -> None:
-        """An object that is mapped along: its pose is free, its modes have their prior N(0, I)."""
+    def add_object(self, number: int, world_from_object: Pose, z: Floats, growth: Floats, size_sigma: float) -> None:
+        """An object that is mapped along: its pose is free, its modes z ~ N(s g, I).
+
+        g (modes,), of unit length, makes an object larger as a whole; s ~ N(0, size_sigma^2) is one for all objects:
+        the cars of a place may all be larger than the category's mean, which else would be a measure of length.
+        """
         values, noise = self.window.values, gtsam.noiseModel
         values.insert(O(number), to_pose3(world_from_object))
         values.insert(Z(number), z)
         loose = noise.Diagonal.Sigmas(np.array([1.0] * 3 + [10.0] * 3))
         self.window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
-        self.window.add(gtsam.PriorFactorVector(Z(number), np.zeros(len(z)), noise.Unit.Create(len(z))))
+        if not values.exists(SIZE):
+            values.insert(SIZE, np.zeros(1))
+            self.window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))
+        self.window.add(linear_factor(Z(number), np.eye(len(z)), SIZE, -growth[:, None]))
         self._objects[number] = self.frame
-        self._shaped.add(number)
+        self._shaped[number] = []
 
     def see_shaped(self, seen: SeenObject, number: int, frame: int) -> Entry:
         """A view, in a frame that is held, of an object that is mapped along."""
-        keys, memo = self._camera_keys(frame), self._memos[frame]
+        keys, memo = self.camera_keys(frame), self._memos[frame]
         self._objects[number] = max(frame, self._objects[number])
-        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), ViewTag(number, frame))
+        tag = ViewTag(number, frame, seen)
+        self._shaped[number].append(tag)
+        return self.window.add(object_factor(seen, keys, memo, O(number), Z(number)), tag)
 
     def stand_on_road(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
-        """An object's origin lies so far below the camera of a frame: its wheels stand on the road."""
-        unit, arm = gtsam.noiseModel.Isotropic.Sigma(1, sigma_m), self._arm
+        """An object's origin lies so far below the camera of a frame: its wheels stand on the road.
 
-        def error(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
-            x, o = this.keys()
-            eye, thing = from_pose3(values.atPose3(x)), from_pose3(values.atPose3(o))
-            if jacobians is not None:
-                up_in_imu, up_in_object = eye.rotation[2], thing.rotation[2]
-                jacobians[0] = np.asfortranarray(np.concatenate([np.cross(arm, up_in_imu), up_in_imu])[None])
-                jacobians[1] = np.asfortranarray(np.concatenate([np.zeros(3), -up_in_object])[None])
-            return np.array([eye.transform(arm)[2] - thing.translation[2] - below_camera_m])
+        What the window said of its height before is replaced.
+        """
+        self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
+        factor = road_factor(X(frame), O(number), self.arm_m, below_camera_m, sigma_m)
+        self.window.settle([self.window.add(factor, RoadTag(number))])
 
-        self.window.add(gtsam.CustomFactor(unit, [X(frame), O(number)], error))
+    def follow_points(self, block: PointBlock, camera: Camera, config: PointConfig) -> None:
+        """Corners of a block of frames; what was said of the open block before is replaced."""
+        tag = PointTag(block.row, block.first)
+        points = [e for e in self.window.entries if isinstance(e.tag, PointTag) and e.tag.row == block.row]
+        self.window.drop([e for e in points if e.tag == tag])
+        self.window.settle([e for e in points if e.tag != tag])
+        if block.tracks and block.first in self._times:
+            frames = range(block.first, block.last + 1)
+            keys, memos = {f: self.camera_keys(f) for f in frames}, {f: self._memos[f] for f in frames}
+            self.window.add(point_factor(block, keys, memos, camera, config), tag)
+
+    def come(self, first: int, second: int, way_m: float, sigma_m: float) -> None:
+        """The camera came so far from one frame to another, both of which are held."""
+        self.window.settle([e for e in self.window.entries if e.tag == WAY])
+        self.window.add(way_factor([X(first), X(second)], self.arm_m, way_m, sigma_m), WAY)
 
     def object_state(self, number: int) -> tuple[Pose, Floats]:
         """Pose and modes of an object that is mapped along."""
@@ -186,13 +182,54 @@ class Smoother:
         gone = [f for f, t in self._times.items() if t < oldest]
         keys = {key for f in gone for key in (X(f), V(f), B(f))}
         for frame in gone:
-            del self._times[frame], self._rates[frame], self._memos[frame]
+            self._cameras[frame] = self.estimate(frame).world_from_camera
+            del self._times[frame], self._memos[frame]
         unseen = [n for n, last in self._objects.items() if last not in self._times]
         for number in unseen:
             del self._objects[number]
+            self._freeze(number)
         shaped = {Z(n) for n in unseen if n in self._shaped}
-        self.window.marginalize(keys | {O(n) for n in unseen} | shaped)
-        self._shaped -= set(unseen)
+        keys |= {O(n) for n in unseen} | shaped
+        if self.past is None:
+            self.window.marginalize(keys)
+        else:
+            self.past.take(self.window, keys)
+        for number in unseen:
+            self._shaped.pop(number, None)
+
+    def _freeze(self, number: int) -> None:
+        """Linearize an object's views for good where it is now that all have spoken."""
+        views = self._shaped.get(number, [])
+        for tag in views:
+            pose, z = self.object_state(number)
+            tag.seen.freeze(self._camera(tag.frame).inverse() @ pose, z)
+
+    def freeze_all(self) -> None:
+        """Linearize all views for good where they now are."""
+        for number in list(self._shaped):
+            self._freeze(number)
+            self._shaped[number] = []
+
+    def bookkeeping(self) -> dict[str, Floats]:
+        """All but the graph, as plain arrays."""
+        return {
+            "rates": np.array([[f, *rate] for f, rate in self.rates_rad_s.items()]),
+            "times": np.array([[f, t] for f, t in self._times.items()]),
+            "cameras": np.array([pose.matrix for pose in self._cameras.values()]).reshape(-1, 4, 4),
+            "camera_frames": np.array(list(self._cameras), float),
+            "objects": np.array([[n, f, n in self._shaped] for n, f in self._objects.items()], float).reshape(-1, 3),
+        }
+
+    def keep_books(self, arrays: Mapping[str, Floats]) -> None:
+        """The reverse of `bookkeeping`."""
+        self.rates_rad_s = {int(row[0]): row[1:] for row in arrays["rates"]}
+        self._times = {int(f): float(t) for f, t in arrays["times"]}
+        self._memos = {f: CameraMemo(self.arm_m, self.rates_rad_s[f]) for f in self._times}
+        cameras = zip(arrays["camera_frames"], arrays["cameras"], strict=True)
+        self._cameras = {int(f): Pose.from_matrix(matrix) for f, matrix in cameras}
+        self._objects = {int(n): int(f) for n, f, _ in arrays["objects"]}
+        self._shaped = {int(n): [] for n, _, shaped in arrays["objects"] if shaped}
+        self.frame = max(self._times)
 
     def belief(self) -> SmootherBelief:
         """Take all but the newest state and the mounting out; what the others said stays."""
@@ -206,9 +243,9 @@ class Smoother:
         rows = np.asarray(self.window.linearized().augmentedJacobian(ordering))
         estimate = self.estimate(newest)
         for frame in [f for f in self._times if f != newest]:
-            del self._times[frame], self._rates[frame], self._memos[frame]
-        self._objects, self._shaped = {}, set()
-        return SmootherBelief(estimate.state, self._rates[newest], self.mounting(), rows)
+            del self._times[frame], self._memos[frame]
+        self._objects, self._shaped = {}, {}
+        return SmootherBelief(estimate.state, self.rates_rad_s[newest], self.mounting(), rows)
 
     def resume(self, belief: SmootherBelief) -> None:
         """Begin with a belief as the only prior."""
@@ -220,8 +257,28 @@ class Smoother:
         self.window.add_rows([(ROTATION, 3), (OFFSET, 1), (V(0), 3), (X(0), 6), (B(0), 6)], belief.rows)
 
     def forget(self, number: int) -> None:
-        """Take back all that the window's views say of an object."""
+        """Take back all that views say of an object, but for what has become a prior of others."""
         self.window.drop([e for e, tag in self._views() if tag.number == number])
+        if number in self._shaped:
+            self.window.drop([e for e in self.window.entries if e.tag == RoadTag(number)])
+            self._shaped[number] = []
+        if self.past is not None:
+            self.past.forget(number)
+
+    def drop_views(self, entries: Sequence[Entry]) -> None:
+        """Take views of this frame back."""
+        self.window.drop(entries)
+        gone = {id(entry.tag) for entry in entries}
+        self._shaped = {n: [tag for tag in tags if id(tag) not in gone] for n, tags in self._shaped.items()}
+
+    def views_of(self, number: int) -> list[tuple[int, Floats, Floats]]:
+        """Frame, Jacobian (n, 6 + modes) and residual (n,) of each view of an object that is mapped along."""
+        pose, z = self.object_state(number)
+        tags = self._shaped[number]
+        return [(tag.frame, *tag.seen.linearize(self._camera(tag.frame).inverse() @ pose, z)) for tag in tags]
+
+    def _camera(self, frame: int) -> Pose:
+        return self._cameras[frame] if frame in self._cameras else self.estimate(frame).world_from_camera
 
     def _views(self) -> list[tuple[Entry, ViewTag]]:
         return [(e, e.tag) for e in self.window.entries if isinstance(e.tag, ViewTag)]
@@ -237,24 +294,35 @@ class Smoother:
         bias = values.atConstantBias(B(frame))
         pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
         state = NavState(self._times[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
-        mounting = self.mounting()
-        camera = place_camera(pose, velocity, mounting.imu_from_camera, mounting.time_offset_s, self._rates[frame])
-        return FrameEstimate(state, camera.pose)
+        return FrameEstimate(state, self.mounting().world_from_camera(state, self.rates_rad_s[frame]))
+
+    def whole_path(self, same: Sequence[Pair], iterations: int) -> WholePath:
+        """Smooth over all frames and objects there were, `same` being pairs of objects that are one."""
+        assert self.past is not None
+        values, held = smooth_whole(self.past, self.window, same, iterations)
+        turn, offset = Pose(values.atRot3(ROTATION).matrix(), self.arm_m), float(values.atVector(OFFSET)[0])
+        cameras = [
+            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
+            for f, rate in sorted(self.rates_rad_s.items())
+        ]
+        return WholePath(tuple(cameras), held)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
         values = self.window.values
-        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self._arm), float(values.atVector(OFFSET)[0]))
+        return Mounting(Pose(values.atRot3(ROTATION).matrix(), self.arm_m), float(values.atVector(OFFSET)[0]))
 
     def pose_covariance(self, frame: int) -> Floats:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
         return to_gtsam_covariance(self.window.covariance(X(frame)))
 
-    def _camera_keys(self, frame: int) -> CameraKeys:
+    def camera_keys(self, frame: int) -> CameraKeys:
+        """The variables that place a frame's camera."""
         return X(frame), V(frame), ROTATION, OFFSET
 
     @property
-    def _arm(self) -> Floats:
+    def arm_m(self) -> Floats:
+        """The camera (3,) in the IMU's frame."""
         return self._mounting.imu_from_camera.translation
 
     def _insert(self, frame: int, state: NavState, rate_rad_s: Floats) -> None:
@@ -262,8 +330,8 @@ class Smoother:
         values.insert(X(frame), to_pose3(state.world_from_imu))
         values.insert(V(frame), state.velocity_in_world)
         values.insert(B(frame), gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias))
-        self._times[frame], self._rates[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
-        self._memos[frame] = CameraMemo(self._arm, self._rates[frame])
+        self._times[frame], self.rates_rad_s[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
+        self._memos[frame] = CameraMemo(self.arm_m, self.rates_rad_s[frame])
 
     def start_at(self, world_from_camera: Pose) -> None:
         """Begin the search of the newest frame's pose where its camera is believed to be."""

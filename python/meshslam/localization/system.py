@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from meshslam.errors import MapError, SequenceError
+from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
+from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.imu import Mounting, rate_at, state_of_camera
+from meshslam.localization.imu_buffer import ImuBuffer
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
-from meshslam.localization.smoother import SmootherBelief
+from meshslam.localization.system_archive import read_archive, write_archive
 from meshslam.maps import Map
-from meshslam.maps.atomic import write_atomically
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples, InitialState
 
@@ -71,7 +70,7 @@ class System:
             config.keypoint_names,
             config.localization,
         )
-        self._imu: ImuSamples | None = None
+        self._imu = ImuBuffer()
         self._last_s: float | None = None
 
     def process(self, frame: Frame, imu_samples: ImuSamples) -> State:
@@ -80,7 +79,7 @@ class System:
             raise SequenceError(
                 f"frame {frame.number}: its time {frame.time_s:.6f} s is not after {self._last_s:.6f} s"
             )
-        imu = self._joined(imu_samples)
+        imu = self._imu.add(imu_samples)
         detections = tuple(frame.detections)
         if self._last_s is None:
             given, mounted = self._config.start, self._config.imu_from_camera
@@ -90,8 +89,7 @@ class System:
         else:
             report = self._localizer.process(frame.number, frame.time_s, imu, detections)
         self._last_s = frame.time_s
-        keep = imu.times_s >= frame.time_s - 0.1
-        self._imu = ImuSamples(imu.times_s[keep], imu.angular_rate_rad_s[keep], imu.specific_force_m_s2[keep])
+        self._imu.forget_before(frame.time_s)
         return self._state(frame, report)
 
     def save(self, path: Path) -> None:
@@ -99,44 +97,23 @@ class System:
 
         The smoothing of the last seconds ends here; what they say of the newest state is kept.
         """
-        if self._last_s is None or self._imu is None:
+        if self._last_s is None or self._imu.samples is None:
             raise SequenceError("nothing to save: no frame was processed yet")
         belief = self._localizer.belief()
         moved = np.array(sorted(self._localizer.moved.items()), np.int64).reshape(-1, 2)
-        imu = np.column_stack([self._imu.times_s, self._imu.angular_rate_rad_s, self._imu.specific_force_m_s2])
-        arrays: dict[str, Any] = {"format": np.array(FORMAT), "imu": imu, "moved": moved, **belief.arrays()}
-        buffer = io.BytesIO()
-        np.savez(buffer, **arrays)
-        write_atomically(Path(path), buffer.getvalue())
+        write_archive(path, FORMAT, self._imu.samples, {"moved": moved, **belief.arrays()})
 
     @staticmethod
     def load(path: Path, config: SystemConfig) -> System:
         """Go on where `save` ended; MapError if the file is none of its."""
-        try:
-            with np.load(Path(path), allow_pickle=False) as archive:
-                arrays = {key: archive[key] for key in archive.files}
-            right = str(arrays.pop("format")) == FORMAT
-        except (OSError, ValueError, KeyError) as error:
-            raise MapError(f"{path}: cannot be read as a saved system: {error}") from None
-        if not right:
-            raise MapError(f"{path}: was saved by another version, expected {FORMAT}")
-        system, imu = System(config), arrays.pop("imu")
-        system._imu = ImuSamples(imu[:, 0], imu[:, 1:4], imu[:, 4:])
+        imu, arrays = read_archive(path, FORMAT)
+        system = System(config)
+        system._imu = ImuBuffer(imu)
         system._localizer.moved = {int(n): int(f) for n, f in arrays.pop("moved")}
         belief = SmootherBelief.from_arrays(arrays)
         system._last_s = belief.state.time_s
         system._localizer.resume(belief)
         return system
-
-    def _joined(self, more: ImuSamples) -> ImuSamples:
-        if self._imu is None:
-            return more
-        new = more.times_s > (self._imu.times_s[-1] if len(self._imu.times_s) else -np.inf)
-        return ImuSamples(
-            np.concatenate([self._imu.times_s, more.times_s[new]]),
-            np.concatenate([self._imu.angular_rate_rad_s, more.angular_rate_rad_s[new]]),
-            np.concatenate([self._imu.specific_force_m_s2, more.specific_force_m_s2[new]]),
-        )
 
     def _state(self, frame: Frame, report: FrameReport) -> State:
         velocity, covariance = self._localizer.velocity_and_covariance

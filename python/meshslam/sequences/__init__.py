@@ -4,6 +4,7 @@ from meshslam.sequences.check import check_sequence
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
 from meshslam.sequences.imu_files import read_extrinsics, read_imu, with_imu
+from meshslam.sequences.kitti_odometry import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
@@ -13,6 +14,7 @@ from meshslam.sequences.turning import turns
 
 __all__ = [
     "LOADERS",
+    "WORLD_FROM_FIRST_CAMERA",
     "Distortion",
     "ImuSamples",
     "InitialState",

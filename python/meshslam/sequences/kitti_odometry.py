@@ -68,6 +68,7 @@ class KittiOdometry:
             times_s=all_times_s[list(frame_ids)],
             image_paths=tuple(images),
             world_from_camera=None if poses is None else tuple(p @ camera_from_camera0.inverse() for p in poses),
+            is_levelled=False,
             detections_path=options.detections_path,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
         )

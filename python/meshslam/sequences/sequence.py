@@ -50,6 +50,7 @@ class Sequence:
     times_s: Floats  # (n,), increasing
     image_paths: tuple[Path, ...] | None = None
     world_from_camera: tuple[Pose, ...] | None = None  # known poses that the system may use
+    is_levelled: bool = True  # the world's z is against gravity, not just up in the first camera
     detections_path: Path | None = None
     imu: ImuSamples | None = None
     imu_from_camera: Pose | None = None

@@ -34,6 +34,7 @@ class ReportContext:
     metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     other_paths: Mapping[str, tuple[Pose, ...]] = field(default_factory=lambda: MappingProxyType({}))  # by name
     stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices
+    charts: tuple[tuple[str, bytes], ...] = ()  # captions and PNG files
 
     def __post_init__(self) -> None:
         if len(self.frame_ids) != len(self.world_from_camera):

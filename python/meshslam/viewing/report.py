@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from string import Template
 
 from meshslam.viewing.birds_eye import birds_eye
@@ -9,6 +10,7 @@ from meshslam.viewing.context import ReportContext
 from meshslam.viewing.crops import crops
 from meshslam.viewing.filmstrip import choose_frames, filmstrip, keypoint_legend
 from meshslam.viewing.markup import asset, number, script_json, text
+from meshslam.viewing.path_charts import ITERATION
 from meshslam.viewing.scene3d import scene_data
 from meshslam.viewing.tables import describe, figures_table, left_out_table, objects_table
 
@@ -30,7 +32,7 @@ def write_report(context: ReportContext) -> str:
         objects=objects_table(context),
         crops=_section("Category mean and instance", before_after) if before_after else "",
         left_out=_section("Tracks left out", left_out) if left_out else "",
-        figures=_section("Figures", figures) if (figures := figures_table(context.metrics)) else "",
+        figures=_figures(context),
         scene=script_json(scene_data(context.map, context.camera, context.world_from_camera)),
         viewer=asset("viewer.js"),
         script=asset("report.js"),
@@ -39,6 +41,19 @@ def write_report(context: ReportContext) -> str:
 
 def _section(heading: str, content: str) -> str:
     return f"<section><h2>{heading}</h2>{content}</section>"
+
+
+def _figures(context: ReportContext) -> str:
+    """The table of figures, and charts of the path where there are some."""
+    shown = {key: value for key, value in context.metrics.items() if not key.startswith(ITERATION)}
+    table, drawn = figures_table(shown), "".join(_chart(*chart) for chart in context.charts)
+    return (_section("The path", drawn) if drawn else "") + (_section("Figures", table) if table else "")
+
+
+def _chart(caption: str, png: bytes) -> str:
+    data = base64.b64encode(png).decode()
+    image = f'<img alt="{text(caption)}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{text(caption)}</figcaption></figure>"
 
 
 def _headline(context: ReportContext) -> str:
