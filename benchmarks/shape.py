@@ -19,6 +19,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import trimesh
+from scipy.spatial import KDTree
 
 from meshslam.categories import load_category
 from meshslam.cli.config import read_config
@@ -43,6 +45,8 @@ STREETS = (
     ("0020", 350),
     ("0020", 500),
 )
+NEAR_M = 1.0  # a car of the map this near to a true one is that one
+NORMAL = ((68, 1.0), (95, 1.96))  # percent of a normal distribution within so many sigmas
 SEEN = 8  # detections that a car of a street must have to count
 
 
@@ -123,6 +127,26 @@ def quiet(*_: object) -> None:
     """Show no progress."""
 
 
+def true_surface(mesh: Path) -> tuple[np.ndarray, KDTree]:
+    """Centre of a true mesh's bounding box, and points on its surface a centimetre apart."""
+    found = trimesh.load(mesh, force="mesh", process=False)
+    points, _ = trimesh.sample.sample_surface(found, 200_000, seed=0)
+    return found.bounds.mean(axis=0), KDTree(points)
+
+
+def vertex_errors(case: Path, found: Map) -> np.ndarray:
+    """Distance of each vertex to the true surface over its sigma, both meshes in their own frames."""
+    truth = json.loads((case / "objects.json").read_text())["objects"]
+    places = np.array([t["world_from_object"] for t in truth])[:, :3, 3]
+    ratios = []
+    for thing in found.objects:
+        away = np.linalg.norm(places - thing.world_from_object.translation, axis=1)
+        if away.min() < NEAR_M and thing.vertex_sigma_m is not None:
+            centre, surface = true_surface(case / truth[int(away.argmin())]["mesh"])
+            ratios.append(surface.query(thing.vertices + centre)[0] / thing.vertex_sigma_m)
+    return np.concatenate([np.zeros(0), *ratios])
+
+
 def as_bytes(text: str | bytes) -> bytes:
     return text.encode() if isinstance(text, str) else text
 
@@ -132,6 +156,10 @@ def one(job: tuple[str, Path, int, Path | None, bool]) -> tuple[str, str, dict[s
     group, case, seen, config, all_stages = job
     run, of_stage = map_case(case, config)
     rows = {"free form": score(case, run, seen)}
+    ratio = vertex_errors(case, Map.load(run))
+    rows["free form"] |= {"vertices": len(ratio)} | {
+        f"vertices_within_{share}": int((ratio < k).sum()) for share, k in NORMAL
+    }
     if all_stages:
         for stage, found in of_stage.items():
             folder = OUT / "runs" / f"{case.name}-{stage.replace(' ', '_')}"
@@ -165,6 +193,10 @@ def pooled(rows: list[dict[str, object]]) -> dict[str, float]:
         "flips": flips / max(1, len(cars)),
         "in 68": inside[0],
         "in 95": inside[1],
+    } | {
+        f"vertices in {share}": sum(r.get(f"vertices_within_{share}", 0) for r in rows)
+        / max(1, sum(r.get("vertices", 0) for r in rows))
+        for share, _ in NORMAL
     }
 
 

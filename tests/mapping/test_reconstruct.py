@@ -7,8 +7,10 @@ import pytest
 
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.occlusion import Occluders
-from meshslam.mapping.pipeline import make_scene, observe, usable_tracks
+from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.reconstruct import reconstruct, uncertainty, with_surface_error
+from meshslam.mapping.selection import usable_tracks
+from meshslam.mapping.work import observe
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,9 @@ type GroundTuple = ([f64; 3], f64, f64, f64);
 /// (before, after, damping, rejected) of each iteration.
 type IterationRows = Vec<(f64, f64, f64, usize)>;
 
+/// A step that lowers an object's cost by a smaller share is its last.
+const LEAST_SHARE: f64 = 1e-3;
+
 fn model(values: ModelTuple) -> PyResult<Model> {
     let (
         sigma_px,
@@ -187,7 +190,12 @@ impl Template {
             (ground(ground_values)?, model(model_values)?, state(&world_from_object, &z, &d, &velocity)?);
         let (scope, options) = (
             Scope { modes: scope.0, free_form: scope.1, velocity: scope.2 },
-            Options { max_iterations, absolute_decrease: least_decrease, ..Options::default() },
+            Options {
+                max_iterations,
+                relative_decrease: LEAST_SHARE,
+                absolute_decrease: least_decrease,
+                ..Options::default()
+            },
         );
         let estimate = py
             .detach(|| object::refine(&self.inner, &views, ground, model, scope, state, &options))

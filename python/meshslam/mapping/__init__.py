@@ -3,7 +3,8 @@
 from meshslam.mapping.camera_rotations import RotationConfig, correct_rotations
 from meshslam.mapping.config import LeftOut, MappingConfig
 from meshslam.mapping.frames import Frames
-from meshslam.mapping.pipeline import Mapping, Progress, Stages, category_model, map_objects
+from meshslam.mapping.pipeline import Mapping, Stages, category_model, map_objects
+from meshslam.mapping.work import Progress
 
 __all__ = [
     "Frames",

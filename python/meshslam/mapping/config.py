@@ -51,7 +51,7 @@ class MappingConfig:
     border_step_px: float = 6.0  # spacing of border points; their errors are correlated over some 25
     edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
     occluder_margin_px: int = 3  # nor one this near to an occluder
-    crop_margin: float = 0.5  # of the box's size, around it
+    crop_margin: float = 0.25  # of the box's size, around it
     # key points
     keypoint_min_score: float = 0.3
     keypoint_sigma_share: float = 0.02  # of the box's larger side
@@ -73,6 +73,7 @@ class MappingConfig:
     max_height_over_road_m: float = 0.45  # or four of the road's sigmas
     max_shape_cost: float = 50.0  # half the squared length of z: 10 on average, with 20 modes
     merge_distance_m: float = 1.5
+    free_form_views: int = 3  # that free form needs
     passes: int = 2  # the second knows the others' depth and shape
 
 

@@ -143,7 +143,9 @@ def fit_modes(observed: Observed, scene: Scene, starts: Sequence[Pose]) -> list[
 
 
 def fit_free_form(observed: Observed, scene: Scene, found: Reconstruction) -> Reconstruction:
-    """Pose, modes and free form together."""
+    """Pose, modes and free form together; from one or two views free form follows outlines that nothing confirms."""
+    if len(observed.views) < scene.config.free_form_views:
+        return found
     noise = scene.config.noise
     refined = scene.model.refine(observed.views, found.ground, noise, found.state, modes=True, free_form=True)
     return replace(found, state=refined.state, cost=refined.cost)
@@ -185,11 +187,12 @@ def with_surface_error(observed: Observed, scene: Scene, state: ObjectState) -> 
     return replace(observed, views=views)
 
 
-def uncertainty(observed: Observed, scene: Scene, found: Reconstruction) -> tuple[Floats, Floats, Bools]:
-    """Covariance of the pose at the mesh's centre, sigma of each vertex, which vertices were observed."""
-    return scene.model.uncertainty(
-        observed.views, found.ground, scene.config.noise, found.state, modes=True, free_form=True
-    )
+def uncertainty(
+    observed: Observed, scene: Scene, found: Reconstruction, *, per_vertex: bool = True
+) -> tuple[Floats, Floats, Bools]:
+    """Covariance of the pose at the mesh's centre, sigma of each vertex if asked for, which vertices were observed."""
+    model, noise, views = scene.model, scene.config.noise, observed.views
+    return model.uncertainty(views, found.ground, noise, found.state, modes=True, free_form=True, per_vertex=per_vertex)
 
 
 def motion(observed: Observed, scene: Scene, found: Reconstruction) -> tuple[Floats, float]:

@@ -1,0 +1,73 @@
+"""Which estimates are parked objects of the category, and which of them are one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshslam.mapping.config import LeftOut
+from meshslam.mapping.reconstruct import Scene, centred, height_over_road_m, motion
+from meshslam.mapping.work import Work, each, mean_iou
+
+
+def without_unfit(work: list[Work], scene: Scene, *, judge_shape: bool = True) -> tuple[list[Work], list[LeftOut]]:
+    """Those that are parked objects of the category, and why the others are not."""
+    reasons = each("check", lambda w: why_unfit(w, scene, judge_shape=judge_shape), work, None)
+    kept = [w for w, reason in zip(work, reasons, strict=True) if reason is None]
+    return kept, [reason for reason in reasons if reason is not None]
+
+
+def why_unfit(work: Work, scene: Scene, *, judge_shape: bool = True) -> LeftOut | None:
+    """Why an estimate is no parked object of the category, if it is none."""
+    config, track = scene.config, work.observed.track
+    distance = min(
+        float(np.linalg.norm(pose.translation - work.found.state.world_from_object.translation))
+        for pose in track.world_from_camera
+    )
+    if distance > config.max_distance_m:
+        return LeftOut(track.id, "too far", f"{distance:.0f} m at its nearest")
+    moving = _moves(work, scene)
+    if moving is not None:
+        return LeftOut(track.id, "moves", moving)
+    height, sigma = height_over_road_m(scene, work.found)
+    if abs(height) > max(config.max_height_over_road_m, 4 * sigma):
+        return LeftOut(track.id, "not on the road", f"its lowest point is {height:.2f} m over it")
+    unlikely = 0.5 * float((work.found.state.z**2).sum())
+    if judge_shape and unlikely > config.max_shape_cost:
+        return LeftOut(track.id, "no such shape", f"costs {unlikely:.0f} in the category's shape space")
+    overlap = mean_iou(work, scene)
+    if overlap < config.min_mask_iou:
+        return LeftOut(track.id, "does not fit its masks", f"mean mask IoU {overlap:.2f}")
+    return None
+
+
+def _moves(work: Work, scene: Scene) -> str | None:
+    """The speed, if the views agree far better with an object that drives than with one that stands."""
+    if len(work.observed.views) < 3 or np.ptp(work.observed.track.times_s) <= 0:
+        return None
+    velocity, gain = motion(work.observed, scene, work.found)
+    speed = float(np.linalg.norm(velocity[:2]))
+    moving = speed > scene.config.max_speed_m_s and gain > scene.config.motion_gain
+    return f"its views agree with {speed:.1f} m/s (cost lower by {gain:.0f}), not with one place" if moving else None
+
+
+def without_duplicates(work: list[Work], scene: Scene) -> tuple[list[Work], list[LeftOut]]:
+    """Of two objects in one place, keep the one that is seen in more views."""
+    left_out: list[LeftOut] = []
+    while (pair := same_place(work, scene)) is not None:
+        first, second = (work[i] for i in pair)
+        give = second if len(first.observed.views) >= len(second.observed.views) else first
+        keep = first if give is second else second
+        where = f"stands in the place of track {keep.observed.track.id}"
+        left_out.append(LeftOut(give.observed.track.id, "the same object", where))
+        work = [w for w in work if w is not give]
+    return work, left_out
+
+
+def same_place(work: list[Work], scene: Scene) -> tuple[int, int] | None:
+    """The first two that stand in one place."""
+    places = [centred(scene.model, w.found.state).world_from_object.translation for w in work]
+    for i, a in enumerate(places):
+        for j in range(i + 1, len(places)):
+            if float(np.linalg.norm(a - places[j])) < scene.config.merge_distance_m:
+                return i, j
+    return None

@@ -1,0 +1,109 @@
+"""An object on its way into the map, and the passes that it goes through."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from meshslam.geometry import ObjectState
+from meshslam.mapping.gradient_descent import reconstruct_by_gradient
+from meshslam.mapping.initialize import flipped
+from meshslam.mapping.occlusion import Occluders
+from meshslam.mapping.reconstruct import (
+    Observed,
+    Reconstruction,
+    Scene,
+    cheapest,
+    fit_modes,
+    reconstruct,
+    refit,
+    with_surface_error,
+)
+from meshslam.mapping.track import Track, choose_views, make_views
+
+Given = TypeVar("Given")
+Made = TypeVar("Made")
+Progress = Callable[[str, int, int], None]  # what is done, how many are done, of how many
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """An object on its way into the map."""
+
+    observed: Observed
+    found: Reconstruction
+
+
+def each(step: str, work: Callable[[Given], Made], items: Iterable[Given], progress: Progress | None) -> list[Made]:
+    """Do one thing for every item, side by side; the result's order is the items'."""
+    listed = list(items)
+    made: list[Made] = []
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        for result in pool.map(work, listed):
+            made.append(result)
+            if progress is not None:
+                progress(step, len(made), len(listed))
+    return made
+
+
+def mean_iou(work: Work, scene: Scene, state: ObjectState | None = None) -> float:
+    """Mask IoU of the mesh, mean over its views."""
+    state = state or work.found.state
+    ious = scene.model.mask_ious(work.observed.views, [state.world_from_object], scene.model.vertices(state))
+    return float(ious.mean())
+
+
+def observe(track: Track, scene: Scene, occluders: Occluders) -> Observed:
+    """Choose a track's views and make them."""
+    config = scene.config
+    chosen = track.subset(choose_views(track, config.max_views, config))
+    views = make_views(
+        chosen, scene.model, scene.category, scene.keypoint_names, scene.camera, occluders.before, config
+    )
+    start = choose_views(chosen, config.start_views, config)
+    return Observed(chosen, views, chosen.subset(start), [views[i] for i in start])
+
+
+def observe_again(observed: Observed, scene: Scene, earlier: Occluders, occluders: Occluders) -> Observed:
+    """The same views, those made anew that something else hides now."""
+    track, views = observed.track, list(observed.views)
+    changed = [i for i, d in enumerate(track.detections) if not np.array_equal(earlier.before(d), occluders.before(d))]
+    made = make_views(
+        track, scene.model, scene.category, scene.keypoint_names, scene.camera, occluders.before, scene.config, changed
+    )
+    for i, view in zip(changed, made, strict=True):
+        views[i] = view
+    return replace(observed, views=views)
+
+
+def first_pass(track: Track, scene: Scene, occluders: Occluders) -> Work:
+    """Start, pose and modes, with occluders that the masks alone tell."""
+    observed = observe(track, scene, occluders)
+    return Work(observed, reconstruct(observed, scene))
+
+
+def by_gradient(track: Track, scene: Scene, occluders: Occluders) -> Work:
+    """The paper's descent instead."""
+    observed = observe(track, scene, occluders)
+    return Work(observed, reconstruct_by_gradient(observed, scene))
+
+
+def next_pass(work: Work, scene: Scene, earlier: Occluders, occluders: Occluders) -> Work:
+    """Fit once more, with occluders that the other objects tell."""
+    observed = observe_again(work.observed, scene, earlier, occluders)
+    observed = with_surface_error(observed, scene, work.found.state)
+    return Work(observed, refit(observed, scene, work.found))
+
+
+def fit_again(work: Work, scene: Scene) -> Work:
+    """Fit with the noise known: from where the first fit ended, and anew from its place both ways round."""
+    observed = with_surface_error(work.observed, scene, work.found.state)
+    pose = work.found.state.world_from_object
+    candidates = [refit(observed, scene, work.found), *fit_modes(observed, scene, [pose, flipped(pose)])]
+    best = cheapest(candidates, observed.track)
+    return Work(observed, replace(best, start=work.found.start))
