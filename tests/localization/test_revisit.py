@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.localization.landmarks import Landmark, joined_tracks
+from meshslam.localization.landmarks import Landmark, in_one_place, joined_tracks
 from meshslam.localization.revisit import Placed, RevisitConfig, known_again
 
 CONFIG = RevisitConfig()
@@ -70,3 +70,11 @@ def test_tracks_of_one_object_get_its_lowest_number():
     marks = {n: Landmark(n, track, Pose.identity(), np.zeros(2), SIZE) for n, track in ((1, 7), (2, 9), (3, 8), (4, 7))}
     assert joined_tracks(marks, [(2, 1), (3, 2)]) == {9: 7, 8: 7}
     assert joined_tracks(marks, [(4, 1)]) == {}
+
+
+def test_what_stands_in_one_place_is_one():
+    places = {
+        n: Pose(np.eye(3), np.array([x, 0.0, 0.0])) for n, x in ((1, 0.0), (2, 9.0), (3, 0.5), (4, 9.4), (5, 20.0))
+    }
+    assert in_one_place(places, [], 1.5) == [(3, 1), (4, 2)]
+    assert in_one_place(places, [(3, 1)], 1.5) == [(4, 2)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,12 +76,32 @@ def known_again_in(
     return known_again(seen, [mark.placed(at.map_from_odometry) for mark in known], radii, config)
 
 
+def in_one_place(places: Mapping[int, Pose], same: Sequence[Pair], within_m: float) -> list[Pair]:
+    """Pairs (newer, older) nearer to each other than two cars can stand, that `same` does not hold as one already."""
+    same = [pair for pair in same if set(pair) <= set(places)]
+    group, found = _groups(places, same), list[Pair]()
+    numbers = sorted(places)
+    at = np.array([places[n].translation for n in numbers]).reshape(-1, 3)
+    for i, newer in enumerate(numbers):
+        for j in np.flatnonzero(np.linalg.norm(at[:i] - at[i], axis=1) < within_m).tolist():
+            if group[newer] != group[numbers[j]]:
+                found.append((newer, numbers[j]))
+                group = _groups(places, [*same, *found])
+    return found
+
+
+def _groups(numbers: Iterable[int], same: Sequence[Pair]) -> dict[int, int]:
+    """For every landmark the lowest number of those that are one with it."""
+    group = {number: number for number in numbers}
+    for pair in same:
+        old, new = sorted(group[number] for number in pair)
+        group = {number: old if root == new else root for number, root in group.items()}
+    return group
+
+
 def joined_tracks(landmarks: Mapping[int, Landmark], same: Sequence[Pair]) -> dict[int, int]:
     """For every track that turned out to show an object that another shows too: the lowest of their numbers."""
-    group = {number: number for number in landmarks}
-    for one, other in same:
-        old, new = sorted((group[one], group[other]))
-        group = {number: old if root == new else root for number, root in group.items()}
+    group = _groups(landmarks, same)
     lowest: dict[int, int] = {}
     for number, root in group.items():
         track = landmarks[number].track

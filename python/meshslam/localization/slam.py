@@ -13,7 +13,7 @@ from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
 from meshslam.localization.factors import SeenObject
 from meshslam.localization.imu import Mounting, NavState
-from meshslam.localization.landmarks import Landmark, Odometer, growth, known_again_in
+from meshslam.localization.landmarks import Landmark, Odometer, growth, in_one_place, known_again_in
 from meshslam.localization.motion import ImuMotion, MotionSource, slam_imu
 from meshslam.localization.mover import LinearView, velocity_that_explains
 from meshslam.localization.object_start import object_of
@@ -115,8 +115,14 @@ class Slam:
         return replace(first, velocity_in_world=way / (second.time_s - first.time_s))
 
     def finish(self) -> WholePath:
-        """All frames so far, smoothed together with all that was seen; the run can go on."""
-        return self.smoother.whole_path(self.same, self.slam.whole_iterations)
+        """All frames so far, smoothed together with all that was seen; the run can go on.
+
+        Objects that then stand in one place are one, and once known, hold the path together too.
+        """
+        whole = self.smoother.whole_path(self.same, self.slam.whole_iterations)
+        places = {n: pose for n, pose in whole.world_from_object.items() if not self.landmarks[n].moves}
+        more = in_one_place(places, whole.same, self.mapping.merge_distance_m)
+        return self.smoother.whole_path([*whole.same, *more], self.slam.whole_iterations) if more else whole
 
     def _see(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
         self.frame_ids.append(frame)

@@ -42,6 +42,7 @@ class WholePath:
     """All frames of a run, smoothed together."""
 
     world_from_camera: tuple[Pose, ...]
+    world_from_object: dict[int, Pose]  # of those that were mapped along
     same: tuple[Pair, ...]  # objects that are one
 
 
@@ -305,7 +306,9 @@ class Smoother:
             place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
             for f, rate in sorted(self.rates_rad_s.items())
         ]
-        return WholePath(tuple(cameras), held)
+        modes = [gtsam.Symbol(key).index() for key in values.keys() if chr(gtsam.Symbol(key).chr()) == "z"]  # noqa: SIM118
+        objects = {number: from_pose3(values.atPose3(O(number))) for number in sorted(modes)}
+        return WholePath(tuple(cameras), objects, held)
 
     def mounting(self) -> Mounting:
         """How the camera is mounted, as it is now seen."""
