@@ -39,6 +39,15 @@ def test_signed_distance_is_that_to_the_nearest_pixel_of_the_other_kind_less_hal
     np.testing.assert_allclose(signed_distance(mask), expected[1:-1, 1:-1], atol=0.01)
 
 
+def test_signed_distance_has_the_same_bits_wherever_its_pictures_lie():
+    rng = np.random.default_rng(1)
+    mask, kept, found = disc((57.3, 61.8), 31.0), [], set()
+    for _ in range(40):
+        kept.append(np.zeros(int(rng.integers(1, 50_000))))  # other memory is free each time
+        found.add(signed_distance(mask).tobytes())
+    assert len(found) == 1
+
+
 def test_signed_distance_of_an_empty_mask_is_positive_everywhere():
     assert (signed_distance(np.zeros((20, 30), np.uint8)) > 0).all()
 

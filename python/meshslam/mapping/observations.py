@@ -50,16 +50,24 @@ def solid(mask: Bytes) -> Bytes:
 
 
 def signed_distance(mask: Bytes) -> Singles:
-    """Distance (h, w) of each pixel to the mask's border, px, negative inside; nothing lies beyond the picture."""
-    distance: Singles = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - np.float32(0.5)
+    """Distance (h, w) of each pixel to the mask's border, px, negative inside; nothing lies beyond the picture.
+
+    Without a border all is as far off as the picture reaches.
+    """
     x, y, w, h = cv2.boundingRect(mask)
     if w == 0:
-        return distance
+        return np.full(mask.shape, np.hypot(*mask.shape), np.float32)
+    distance = _distance_to_zero(1 - mask) - np.float32(0.5)
     box = np.pad(mask[y : y + h, x : x + w], 1)  # nothing inside is farther from the border than the box reaches
-    inside = cv2.distanceTransform(box, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-    part = distance[y : y + h, x : x + w]
-    np.copyto(part, np.float32(0.5) - inside, where=inside > 0)
+    inside = _distance_to_zero(box)[1:-1, 1:-1]
+    np.copyto(distance[y : y + h, x : x + w], np.float32(0.5) - inside, where=inside > 0)
     return distance
+
+
+def _distance_to_zero(picture: Bytes) -> Singles:
+    """Distance to the nearest zero: the root of a whole number; OpenCV's last bits are others each time."""
+    found = cv2.distanceTransform(picture, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.sqrt(np.rint(np.square(found, out=found), out=found), out=found)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ import numpy as np
 from meshslam.errors import SequenceError
 from meshslam.geometry import Rendering, render
 from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.mapping.observations import signed_distance
 from meshslam.maps.ply import PlyMesh, format_ply
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
 from meshslam.sequences import InitialState, write_sequence_folder
@@ -154,11 +155,9 @@ def _whole_area(street: Street, index: int, number: int) -> float:
 
 def roughen(mask: Bytes, rng: np.random.Generator, sigma_px: float) -> Bytes:
     """Move a mask's border by a smooth random field of `sigma_px`, as a network's masks are."""
-    inside = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    outside = cv2.distanceTransform(1 - mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     field = np.asarray(cv2.GaussianBlur(rng.standard_normal(mask.shape), (0, 0), 7))
     shift_px = field / max(float(field.std()), 1e-9) * sigma_px
-    moved: Bytes = (np.where(mask > 0, 0.5 - inside, outside - 0.5) + shift_px < 0).astype(np.uint8)
+    moved: Bytes = (signed_distance(mask) + shift_px < 0).astype(np.uint8)
     return moved if moved.any() else mask
 
 
