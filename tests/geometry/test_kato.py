@@ -102,6 +102,17 @@ def test_it_lowers_the_loss():
         )
 
 
+def test_a_mesh_beyond_what_numbers_tell_apart_pulls_nothing():
+    camera = Camera(57, 49, 1e9, 14.25, 32.8, -5.1)
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    loss = MaskLoss(camera, 4, faces, np.ones((20, 30), np.uint8), (5, 7))
+    found = loss.gradient(Pose(np.eye(3), np.array([-1e300, 0.0, 3.0])), vertices, method="kato")
+    assert found.loss == 0
+    for gradient in (found.vertices, found.object, found.camera):
+        assert not gradient.any()
+
+
 def test_bad_pictures_are_named():
     pixels, faces = np.zeros((3, 2)), np.array([[0, 1, 2]])
     with pytest.raises(GeometryError, match="slope must have shape"):

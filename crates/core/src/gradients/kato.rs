@@ -15,6 +15,9 @@ use crate::raster::{NEAR_M, Raster, Rect};
 /// Added to distances, so that a pixel on the edge pulls with a finite force; pixels.
 pub const EPSILON_PX: f64 = 1e-3;
 
+/// A vertex farther off the image than this has no pixel.
+const FARTHEST_PX: f64 = 1e9;
+
 /// A drawn mesh: which face each pixel shows, and ∂L/∂ŝ of each pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture<'a> {
@@ -155,6 +158,11 @@ fn far_side(p: &Vector2<f64>, q: &Vector2<f64>, third: &Vector2<f64>, along: f64
     limit as i64 // saturates; not a number gives 0, the edge itself then bounds the run
 }
 
+fn pixel(camera: &Camera, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
+    let found = camera.project(point_in_camera);
+    (point_in_camera.z >= NEAR_M && found.iter().all(|y| y.abs() < FARTHEST_PX)).then_some(found)
+}
+
 /// L_mask of a drawn mesh and Kato's gradient of it.
 #[must_use]
 pub fn kato_gradient(
@@ -185,16 +193,16 @@ pub fn kato_gradient(
             if observed.at(x, y) > 0 { inside } else { outside }
         })
         .collect();
-    // a vertex behind the near plane has no pixel: faces that hold one do not pull
-    let pixels: Vec<Vector2<f64>> =
-        points.iter().map(|p| if p.z < NEAR_M { Vector2::zeros() } else { camera.project(p) }).collect();
-    let before = |face: &[u32; 3]| face.iter().all(|&v| points[v as usize].z >= NEAR_M);
-    let faces: Vec<[u32; 3]> = topology.faces.iter().map(|f| if before(f) { *f } else { [f[0]; 3] }).collect();
+    // a vertex behind the near plane, or beyond what numbers tell apart, has no pixel: faces that hold one do not pull
+    let placed: Vec<Option<Vector2<f64>>> = points.iter().map(|p| pixel(camera, p)).collect();
+    let pixels: Vec<Vector2<f64>> = placed.iter().map(|y| y.unwrap_or_default()).collect();
+    let whole = |face: &[u32; 3]| face.iter().all(|&v| placed[v as usize].is_some());
+    let faces: Vec<[u32; 3]> = topology.faces.iter().map(|f| if whole(f) { *f } else { [f[0]; 3] }).collect();
     let on_image = pixel_gradient(&pixels, &faces, &Picture { rect, face: &raster.face, slope: &slope });
     let rotation = &camera_from_object.rotation;
     let chain = Chain { camera, rotation, points_in_camera: &points, points_in_object: vertices };
-    let lift = |(g, p): (&Vector2<f64>, &Vector3<f64>)| if p.z < NEAR_M { Vector3::zeros() } else { chain.lift(p, g) };
-    let in_camera: Vec<Vector3<f64>> = on_image.iter().zip(&points).map(lift).collect();
+    let lift = |v: usize| placed[v].map_or_else(Vector3::zeros, |_| chain.lift(&points[v], &on_image[v]));
+    let in_camera: Vec<Vector3<f64>> = (0..points.len()).map(lift).collect();
     let loss = if union > 0.0 { -intersection / union } else { -1.0 };
     chain.gather(loss, intersection, union, &in_camera)
 }
