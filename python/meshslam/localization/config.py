@@ -105,7 +105,6 @@ class SlamConfig:
     size_sigma: float = 1.0  # of what all cars of a place are larger than the category's mean, in its sigmas
     whole_iterations: int = 8  # of the smoothing of the whole path, at the end
     lag_s: float = 4.0
-    settled_frames: int = 3  # views so old are held as linear factors
     crop_margin: float = 0.2  # of a box's size, around it: an object in the graph is near where its view expects it
     revisit: RevisitConfig = field(default_factory=RevisitConfig)
     # without a map these are seen in turns only; looser, systematic errors of shapes move them

@@ -81,7 +81,7 @@ class Slam:
     def __post_init__(self) -> None:
         imu = slam_imu(self.config.imu, self.slam)
         self._motion = self.motion or ImuMotion(imu)
-        lag = replace(self.config.smoother, lag_s=self.slam.lag_s, settled_frames=self.slam.settled_frames)
+        lag = replace(self.config.smoother, lag_s=self.slam.lag_s)
         self.smoother = Smoother(imu, self.config.start, lag, self.mounting, keep_past=True)
         self._order = [
             self.category.keypoint_names.index(n) if n in self.category.keypoint_names else -1
