@@ -106,11 +106,10 @@ def test_an_imu_that_cannot_serve_is_refused_in_clear_words(drive, tmp_path):
 
     other_clock = _changed(drive, tmp_path / "clock", later)
     slow = _changed(drive, tmp_path / "slow", lambda rows: rows[::5])
-    for command in (("localize", "--map", known), ("slam",)):
-        assert "another clock?" in error_of(meshslam(command[0], other_clock, *command[1:], "--out", out))
-        message = error_of(meshslam(command[0], slow, *command[1:], "--out", out))
-        assert "Hz, at least 50 Hz are needed" in message
-        assert str(slow) in message
+    assert "another clock?" in error_of(meshslam("slam", other_clock, "--out", out))
+    message = error_of(meshslam("localize", slow, "--map", known, "--out", out))
+    assert "Hz, at least 50 Hz are needed" in message
+    assert str(slow) in message
 
 
 def test_what_a_path_suffers_from_is_noted(drive, tmp_path):
@@ -120,3 +119,20 @@ def test_what_a_path_suffers_from_is_noted(drive, tmp_path):
     said = done("localize", gap, "--map", drive / "objects.json", "--out", tmp_path / "run").stderr
     assert "no IMU samples from 0.09 s to 0.30 s" in said
     assert "no object is detected in any frame" in said
+
+
+def test_slam_by_odometry_and_by_the_papers_solver(source, drive, tmp_path):
+    """Its poses as odometry; then IMU and gradient descent, the error after each iteration recorded."""
+    reckoned = json.loads(done("slam", source, "--poses", "odometry", "--out", tmp_path / "a", "--json").stdout)
+    assert reckoned["scale_by_odometry"] == 1.0
+    assert reckoned["scale_by_imu"] == 0.0
+    few = tmp_path / "few.yaml"
+    few.write_text("localization: {joint_gradient_iterations: 2}\nmapping: {gradient: {shape_iterations: 5}}\n")
+    command = ("slam", drive, "--solver", "gradient", "--config", few, "--out", tmp_path / "b", "--json")
+    figures = json.loads(done(*command).stdout)
+    recorded = sorted(key for key in figures if key.startswith("ate_iteration_"))
+    assert len(recorded) == figures["iterations"] + 1
+    assert figures[recorded[0]] == figures["ate_initial_rmse_m"]
+    assert figures[recorded[-1]] == pytest.approx(figures["ate_rmse_m"], rel=1e-6)  # that is of the rounded file
+    message = error_of(meshslam("slam", drive, "--poses", "all", "--out", tmp_path / "c"))
+    assert "expected none or odometry" in message
