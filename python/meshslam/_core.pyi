@@ -30,6 +30,9 @@ _Camera = tuple[int, int, float, float, float, float, float]
 _Rect = tuple[int, int, int, int]
 _Model = tuple[float, float, float, float, float, float, float, float, float]
 _Ground = tuple[Sequence[float], float, float, float]
+_Scope = tuple[bool, bool, bool]
+# views, ground, model, scope; world_from_object, z, d, velocity
+_Problem = tuple[Sequence[View], _Ground | None, _Model, _Scope, _Floats, _Floats, _Floats, _Floats]
 
 def exp_so3(theta: _Floats) -> _Floats: ...
 def log_so3(rotations: _Floats) -> _Floats: ...
@@ -111,51 +114,23 @@ class Template:
     def free_form_gradient(self, vertex_gradient: _Floats) -> _Floats: ...
     def refine(
         self,
-        views: Sequence[View],
-        ground_values: _Ground | None,
-        model_values: _Model,
-        scope: tuple[bool, bool, bool],
-        world_from_object: _Floats,
-        z: _Floats,
-        d: _Floats,
-        velocity: _Floats,
+        problem: _Problem,
         max_iterations: int,
         least_decrease: float,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
     def time(
         self,
-        views: Sequence[View],
-        ground_values: _Ground | None,
-        model_values: _Model,
-        scope: tuple[bool, bool, bool],
-        world_from_object: _Floats,
-        z: _Floats,
-        d: _Floats,
-        velocity: _Floats,
+        problem: _Problem,
         runs: int,
     ) -> list[float]: ...
     def uncertainty(
         self,
-        views: Sequence[View],
-        ground_values: _Ground | None,
-        model_values: _Model,
-        scope: tuple[bool, bool, bool],
-        world_from_object: _Floats,
-        z: _Floats,
-        d: _Floats,
-        velocity: _Floats,
+        problem: _Problem,
         per_vertex: bool,
     ) -> tuple[_Floats, _Floats, _Bools]: ...
     def covariance(
         self,
-        views: Sequence[View],
-        ground_values: _Ground | None,
-        model_values: _Model,
-        scope: tuple[bool, bool, bool],
-        world_from_object: _Floats,
-        z: _Floats,
-        d: _Floats,
-        velocity: _Floats,
+        problem: _Problem,
         blocks: Sequence[str],
     ) -> _Floats: ...
     def border_distances(

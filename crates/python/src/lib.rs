@@ -4,7 +4,9 @@ mod convert;
 mod geometry;
 mod gradients;
 mod object;
+mod problem;
 mod raster;
+mod view;
 
 use pyo3::prelude::*;
 
@@ -15,7 +17,9 @@ mod _core {
     #[pymodule_export]
     use super::gradients::{MaskLoss, kato_pixel_gradient, mask_gradients};
     #[pymodule_export]
-    use super::object::{Template, View};
+    use super::object::Template;
     #[pymodule_export]
     use super::raster::{coverage, outline, rasterize};
+    #[pymodule_export]
+    use super::view::View;
 }

@@ -16,6 +16,12 @@ from meshslam.geometry.pose import Pose
 
 View = _core.View
 
+_Ground = tuple[list[float], float, float, float]
+_Noise = tuple[float, float, float, float, float, float, float, float, float]
+_Problem = tuple[
+    list[View], _Ground | None, _Noise, tuple[bool, bool, bool], Floats, Floats, Floats, Floats
+]  # views, ground, noise, what moves; world_from_object, z, d, velocity
+
 Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
 
 
@@ -35,7 +41,7 @@ class NoiseModel:
     smoothness_sigma_m: float = 0.01  # of its parting from its neighbours' average
 
     @property
-    def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
+    def values(self) -> _Noise:
         """The fields in the order in which the core takes them."""
         return (
             self.border_sigma_px,
@@ -60,7 +66,7 @@ class GroundPlane:
     tilt_sigma_rad: float
 
     @property
-    def values(self) -> tuple[list[float], float, float, float]:
+    def values(self) -> _Ground:
         """The fields in the order in which the core takes them."""
         return ([float(x) for x in self.normal], self.offset_m, self.height_sigma_m, self.tilt_sigma_rad)
 
@@ -212,14 +218,7 @@ class ObjectModel:
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
-                list(views),
-                None if ground is None else ground.values,
-                noise.values,
-                (modes, free_form, velocity),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
+                _problem(views, ground, noise, state, (modes, free_form, velocity)),
                 max_iterations,
                 least_decrease,
             )
@@ -241,14 +240,7 @@ class ObjectModel:
         """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
         with geometry_errors():
             return self._template.time(
-                list(views),
-                None if ground is None else ground.values,
-                noise.values,
-                (modes, free_form, velocity),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
+                _problem(views, ground, noise, state, (modes, free_form, velocity)),
                 runs,
             )
 
@@ -270,14 +262,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.uncertainty(
-                list(views),
-                None if ground is None else ground.values,
-                noise.values,
-                (modes, free_form, velocity),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
+                _problem(views, ground, noise, state, (modes, free_form, velocity)),
                 per_vertex,
             )
 
@@ -301,14 +286,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.covariance(
-                list(views),
-                None if ground is None else ground.values,
-                noise.values,
-                (modes, free_form, velocity),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
+                _problem(views, ground, noise, state, (modes, free_form, velocity)),
                 list(blocks),
             )
 
@@ -351,3 +329,15 @@ class ObjectModel:
         """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed."""
         with geometry_errors():
             return self._template.mask_ious(list(views), [floats(p.matrix) for p in poses], floats(vertices))
+
+
+def _problem(
+    views: Sequence[View],
+    ground: GroundPlane | None,
+    noise: NoiseModel,
+    state: ObjectState,
+    scope: tuple[bool, bool, bool],
+) -> _Problem:
+    """What the core takes as one."""
+    at = (floats(state.world_from_object.matrix), floats(state.z), floats(state.d), floats(state.velocity))
+    return list(views), None if ground is None else ground.values, noise.values, scope, *at

@@ -1,0 +1,124 @@
+//! `view` of the core.
+
+use std::sync::Arc;
+
+use meshslam_core::raster::Rect;
+use meshslam_core::residuals::keypoints::KeypointObservation;
+use meshslam_core::view::{BorderPoint, View as CoreView};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::convert::{CameraTuple, Floats1, Floats2, camera, check_shape, pixels, pose, to_python};
+
+/// What one frame shows of one object.
+#[pyclass(frozen)]
+pub struct View {
+    pub inner: CoreView,
+}
+
+pub fn core_views<'a>(views: &'a [Bound<View>]) -> Vec<&'a CoreView> {
+    views.iter().map(|v| &v.get().inner).collect()
+}
+
+#[pymethods]
+impl View {
+    #[new]
+    #[allow(clippy::too_many_arguments)] // the fields of a view
+    fn new(
+        camera_values: CameraTuple,
+        world_from_camera: Floats2,
+        time_s: f64,
+        origin: (i64, i64),
+        distance_px: PyReadonlyArray2<f32>,
+        cut: PyReadonlyArray2<u8>,
+        hidden: PyReadonlyArray2<u8>,
+        border: Floats2,
+        border_length: Floats1,
+        border_own: PyReadonlyArray1<bool>,
+        keypoint_index: PyReadonlyArray1<i64>,
+        keypoint_pixels: Floats2,
+        keypoint_sigma_px: Floats1,
+        keypoint_count: usize,
+    ) -> PyResult<Self> {
+        let (height, width) = (distance_px.shape()[0], distance_px.shape()[1]);
+        check_shape("cut", cut.shape(), &[Some(height), Some(width)])?;
+        check_shape("hidden", hidden.shape(), &[Some(height), Some(width)])?;
+        let border = pixels("border", &border)?;
+        check_shape("border_length", border_length.shape(), &[Some(border.len())])?;
+        check_shape("border_own", border_own.shape(), &[Some(border.len())])?;
+        let keypoints = keypoints(&keypoint_index, &keypoint_pixels, &keypoint_sigma_px)?;
+        let (length, own) = (border_length.as_array(), border_own.as_array());
+        let border = border
+            .into_iter()
+            .enumerate()
+            .map(|(i, pixel)| BorderPoint { pixel, length: length[i], own: own[i] })
+            .collect();
+        let inner = CoreView {
+            camera: camera(camera_values)?,
+            world_from_camera: pose("world_from_camera", &world_from_camera)?,
+            time_s,
+            crop: Rect { x0: origin.0, y0: origin.1, width, height },
+            distance_px: picture(&distance_px),
+            cut: picture(&cut),
+            hidden: picture(&hidden),
+            border,
+            area_px: 0,
+            border_length_px: 0.0,
+            surface_sigma_px: 0.0,
+            keypoints,
+        };
+        Ok(Self { inner: inner.checked(keypoint_count).map_err(to_python)? })
+    }
+
+    /// The same view, where the true surface may lie this far from any mesh.
+    fn with_surface_sigma(&self, sigma_px: f64) -> PyResult<Self> {
+        check_sigma("surface", sigma_px)?;
+        Ok(Self { inner: CoreView { surface_sigma_px: sigma_px, ..self.inner.clone() } })
+    }
+
+    /// The same view, where each key point's pixel sigma grows by this one, in variance.
+    fn with_keypoint_sigma(&self, sigma_px: f64) -> PyResult<Self> {
+        check_sigma("key point", sigma_px)?;
+        let mut inner = self.inner.clone();
+        for keypoint in &mut inner.keypoints {
+            keypoint.sigma_px = keypoint.sigma_px.hypot(sigma_px);
+        }
+        Ok(Self { inner })
+    }
+}
+
+fn check_sigma(whose: &str, sigma_px: f64) -> PyResult<()> {
+    if sigma_px.is_finite() && sigma_px >= 0.0 {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("a {whose}'s sigma must not be negative, found {sigma_px}")))
+}
+
+/// Pixels row by row.
+fn picture<T: numpy::Element + Copy>(pixels: &PyReadonlyArray2<T>) -> Arc<[T]> {
+    match pixels.as_slice() {
+        Ok(contiguous) => contiguous.into(),
+        Err(_) => pixels.as_array().iter().copied().collect(),
+    }
+}
+
+fn keypoints(
+    index: &PyReadonlyArray1<i64>,
+    pixel_array: &Floats2,
+    sigma_px: &Floats1,
+) -> PyResult<Vec<KeypointObservation>> {
+    let seen = pixels("keypoint_pixels", pixel_array)?;
+    check_shape("keypoint_index", index.shape(), &[Some(seen.len())])?;
+    check_shape("keypoint_sigma_px", sigma_px.shape(), &[Some(seen.len())])?;
+    let (index, sigma) = (index.as_array(), sigma_px.as_array());
+    seen.into_iter()
+        .enumerate()
+        .map(|(i, pixel)| {
+            let number = usize::try_from(index[i]).map_err(|_| {
+                pyo3::exceptions::PyIndexError::new_err(format!("key point index {} is negative", index[i]))
+            })?;
+            Ok(KeypointObservation { index: number, pixel, sigma_px: sigma[i] })
+        })
+        .collect()
+}
