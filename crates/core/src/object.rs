@@ -392,9 +392,13 @@ pub fn refine(
     state: ObjectState,
     options: &Options,
 ) -> Result<Estimate> {
-    check_length("mode coefficients", state.z.len(), template.mode_count)?;
-    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
+    check_state(template, &state)?;
     let mut problem = ObjectProblem::new(template, views, ground, model, scope);
     let (state, report) = levenberg_marquardt(&mut problem, state, options);
     Ok(Estimate { state, report })
+}
+
+fn check_state(template: &Template, state: &ObjectState) -> Result<()> {
+    check_length("mode coefficients", state.z.len(), template.mode_count)?;
+    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())
 }

@@ -15,7 +15,8 @@ from meshslam.localization.notes import imu_notes, object_notes
 from meshslam.localization.run import Localization, SlamPath, localize, slam_path
 from meshslam.localization.slam import Slam
 from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
-from meshslam.localization.system import Frame, State, System, SystemConfig
+from meshslam.localization.stream import Frame
+from meshslam.localization.system import State, System, SystemConfig
 
 __all__ = [
     "AssociationConfig",

@@ -6,17 +6,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from meshslam.categories import Category
-from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.config import LocalizationConfig, SlamConfig
-from meshslam.localization.imu import Mounting, rate_at, state_of_camera
+from meshslam.localization.imu import Mounting
 from meshslam.localization.imu_buffer import ImuBuffer
 from meshslam.localization.landmarks import Landmark
 from meshslam.localization.slam import Slam
 from meshslam.localization.slam_archive import slam_from_arrays, slam_to_arrays
 from meshslam.localization.smoother import WholePath
-from meshslam.localization.system import Frame
+from meshslam.localization.stream import Frame, Stream
 from meshslam.localization.system_archive import read_archive, write_archive
 from meshslam.mapping import MappingConfig, category_model
 from meshslam.sequences import ImuSamples, InitialState
@@ -57,8 +56,7 @@ class SlamSystem:
     def __init__(self, config: SlamSystemConfig) -> None:
         self._config = config
         self._slam = self._fresh()
-        self._imu = ImuBuffer()
-        self._last_s: float | None = None
+        self._stream = Stream(config.start, config.imu_from_camera)
 
     def _fresh(self) -> Slam:
         c, mounting = self._config, Mounting(self._config.imu_from_camera)
@@ -67,20 +65,12 @@ class SlamSystem:
 
     def process(self, frame: Frame, imu_samples: ImuSamples) -> SlamState:
         """Take the next frame with the IMU samples since the last one; SequenceError if time does not go on."""
-        if self._last_s is not None and frame.time_s <= self._last_s:
-            raise SequenceError(
-                f"frame {frame.number}: its time {frame.time_s:.6f} s is not after {self._last_s:.6f} s"
-            )
-        imu, slam = self._imu.add(imu_samples), self._slam
-        if self._last_s is None:
-            given, mounted = self._config.start, self._config.imu_from_camera
-            rate = rate_at(imu, frame.time_s)
-            state = state_of_camera(frame.time_s, given.world_from_camera, given.velocity_in_world, rate, mounted)
-            report = slam.begin(frame.number, state, imu, frame.detections)
+        imu, first = self._stream.take(frame, imu_samples)
+        slam = self._slam
+        if first is not None:
+            report = slam.begin(frame.number, first, imu, frame.detections)
         else:
             report = slam.process(frame.number, frame.time_s, imu, frame.detections)
-        self._last_s = frame.time_s
-        self._imu.forget_before(frame.time_s)
         turn = slam.odometer.map_from_odometry
         velocity = turn.rotation @ slam.state.velocity_in_world
         return SlamState(frame.time_s, report.world_from_camera, turn, velocity, report.objects, len(slam.same))
@@ -98,10 +88,8 @@ class SlamSystem:
 
         What the run has seen is linear from here on, and views are let go.
         """
-        if self._last_s is None or self._imu.samples is None:
-            raise SequenceError("nothing to save: no frame was processed yet")
-        arrays = slam_to_arrays(self._slam)
-        write_archive(path, FORMAT, self._imu.samples, arrays)
+        imu, arrays = self._stream.samples_to_save(), slam_to_arrays(self._slam)
+        write_archive(path, FORMAT, imu, arrays)
         self._slam = self._fresh()
         slam_from_arrays(self._slam, arrays)
 
@@ -110,7 +98,7 @@ class SlamSystem:
         """Go on where `save` was; MapError if the file is none of its."""
         imu, arrays = read_archive(path, FORMAT)
         system = SlamSystem(config)
-        system._imu = ImuBuffer(imu)
+        system._stream.imu = ImuBuffer(imu)
         slam_from_arrays(system._slam, arrays)
-        system._last_s = system._slam.state.time_s
+        system._stream.last_s = system._slam.state.time_s
         return system

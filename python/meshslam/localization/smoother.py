@@ -173,7 +173,7 @@ class Smoother:
         return number in self._objects
 
     def update(self) -> None:
-        """Solve; states older than the lag become a prior."""
+        """Solve; views that are old enough are held as linear factors."""
         self.window.optimize(self._lag.iterations)
         self.window.settle([e for e, tag in self._views() if tag.frame <= self.frame - self._lag.settled_frames])
 

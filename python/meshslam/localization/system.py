@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.geometry.arrays import Floats
 from meshslam.localization.belief import SmootherBelief
 from meshslam.localization.config import LocalizationConfig
-from meshslam.localization.imu import Mounting, rate_at, state_of_camera
+from meshslam.localization.imu import Mounting
 from meshslam.localization.imu_buffer import ImuBuffer
 from meshslam.localization.known_objects import known_objects
 from meshslam.localization.localizer import FrameReport, Localizer
+from meshslam.localization.stream import Frame, Stream
 from meshslam.localization.system_archive import read_archive, write_archive
 from meshslam.maps import Map
-from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples, InitialState
 
 FORMAT = "meshslam-system-1"
@@ -35,15 +33,6 @@ class SystemConfig:
     start: InitialState
     keypoint_names: dict[str, tuple[str, ...]]  # by category, in the order of the detections
     localization: LocalizationConfig
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """One image's detections."""
-
-    number: int
-    time_s: float
-    detections: Sequence[Detection]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,26 +59,16 @@ class System:
             config.keypoint_names,
             config.localization,
         )
-        self._imu = ImuBuffer()
-        self._last_s: float | None = None
+        self._stream = Stream(config.start, config.imu_from_camera)
 
     def process(self, frame: Frame, imu_samples: ImuSamples) -> State:
         """Take the next frame with the IMU samples since the last one; SequenceError if time does not go on."""
-        if self._last_s is not None and frame.time_s <= self._last_s:
-            raise SequenceError(
-                f"frame {frame.number}: its time {frame.time_s:.6f} s is not after {self._last_s:.6f} s"
-            )
-        imu = self._imu.add(imu_samples)
+        imu, first = self._stream.take(frame, imu_samples)
         detections = tuple(frame.detections)
-        if self._last_s is None:
-            given, mounted = self._config.start, self._config.imu_from_camera
-            rate = rate_at(imu, frame.time_s)
-            state = state_of_camera(frame.time_s, given.world_from_camera, given.velocity_in_world, rate, mounted)
-            report = self._localizer.begin(frame.number, state, imu, detections)
+        if first is not None:
+            report = self._localizer.begin(frame.number, first, imu, detections)
         else:
             report = self._localizer.process(frame.number, frame.time_s, imu, detections)
-        self._last_s = frame.time_s
-        self._imu.forget_before(frame.time_s)
         return self._state(frame, report)
 
     def save(self, path: Path) -> None:
@@ -97,21 +76,20 @@ class System:
 
         The smoothing of the last seconds ends here; what they say of the newest state is kept.
         """
-        if self._last_s is None or self._imu.samples is None:
-            raise SequenceError("nothing to save: no frame was processed yet")
+        imu = self._stream.samples_to_save()
         belief = self._localizer.belief()
         moved = np.array(sorted(self._localizer.moved.items()), np.int64).reshape(-1, 2)
-        write_archive(path, FORMAT, self._imu.samples, {"moved": moved, **belief.arrays()})
+        write_archive(path, FORMAT, imu, {"moved": moved, **belief.arrays()})
 
     @staticmethod
     def load(path: Path, config: SystemConfig) -> System:
         """Go on where `save` ended; MapError if the file is none of its."""
         imu, arrays = read_archive(path, FORMAT)
         system = System(config)
-        system._imu = ImuBuffer(imu)
+        system._stream.imu = ImuBuffer(imu)
         system._localizer.moved = {int(n): int(f) for n, f in arrays.pop("moved")}
         belief = SmootherBelief.from_arrays(arrays)
-        system._last_s = belief.state.time_s
+        system._stream.last_s = belief.state.time_s
         system._localizer.resume(belief)
         return system
 

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix6, Vector3};
 
-use super::{Model, ObjectProblem, ObjectState, Scope};
-use crate::error::{Result, check_length};
+use super::{Model, ObjectProblem, ObjectState, Scope, check_state};
+use crate::error::Result;
 use crate::residuals::Rows;
 use crate::residuals::ground::Ground;
 use crate::solve::envelope::Envelope;
@@ -51,8 +51,7 @@ pub fn uncertainty(
     state: &ObjectState,
     per_vertex: bool,
 ) -> Result<Uncertainty> {
-    check_length("mode coefficients", state.z.len(), template.mode_count)?;
-    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
+    check_state(template, state)?;
     let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let mut factor = problem.structure();
     let mut gradient = vec![0.0; factor.size()];
@@ -78,8 +77,7 @@ pub fn block_covariance(
     state: &ObjectState,
     blocks: &[Block],
 ) -> Result<DMatrix<f64>> {
-    check_length("mode coefficients", state.z.len(), template.mode_count)?;
-    check_length("free-form displacement", state.d.len(), template.symmetry.dimension())?;
+    check_state(template, state)?;
     let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let chosen: Vec<usize> = blocks.iter().flat_map(|&block| parameters(&problem, block)).collect();
     covariance(&mut problem, state, &chosen)
