@@ -193,7 +193,7 @@ def main() -> None:
             cars = scores["objects"]
             print(
                 f"{'':32s} voxel IoU of all, aligned: {cars['voxel_iou_mean_all']:.3f}; cars {cars['matched']:.0f} of "
-                f"{cars['true']:.0f}, twice {cars['duplicates']:.0f}, known again {figures['objects_known_again']:.0f}"
+                f"{cars['true']:.0f}, twice {cars['duplicates']:.0f}, known again {figures['loop_closures']:.0f}"
             )
     for name, case, flags in other_slam_jobs(a.work, a.quick):
         if a.only in name:

@@ -16,11 +16,11 @@ import numpy as np
 from shape import camera_path, fitted, open_sequence, quiet, read_config, read_detections, ring
 
 from meshslam.categories import load_category
-from meshslam.mapping.occlusion import Occluders
 from meshslam.mapping.pipeline import make_scene, with_noise_of
-from meshslam.mapping.reconstruct import fit_free_form, reconstruct, uncertainty
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import Work, fit_again, observe
+from meshslam.objects.occlusion import Occluders
+from meshslam.objects.reconstruct import fit_free_form, reconstruct, uncertainty
 
 Made = TypeVar("Made")
 STEPS = ("views", "start, pose, modes", "with the noise known", "free form", "pose covariance", "with each vertex's")

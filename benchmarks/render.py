@@ -25,8 +25,8 @@ from deodr.triangulated_mesh import TriMeshAdjacencies
 from meshslam.categories import load_category
 from meshslam.categories.icosphere import subdivide
 from meshslam.geometry import Camera, MaskLoss, NoiseModel, ObjectModel, Pose, View, mask_gradients, mask_iou, render
-from meshslam.mapping import MappingConfig
-from meshslam.mapping.observations import signed_distance, trace_border
+from meshslam.objects import MappingConfig
+from meshslam.objects.observations import signed_distance, trace_border
 
 matplotlib.use("Agg")
 from matplotlib import pyplot

@@ -23,11 +23,11 @@ import trimesh
 from scipy.spatial import KDTree
 
 from meshslam.categories import load_category
-from meshslam.cli.config import read_config
-from meshslam.cli.stages import build_map, camera_path, fitted, follow
 from meshslam.mapping import Mapping, category_model
 from meshslam.maps import Map, Trajectory
 from meshslam.perception import read_detections, write_detections
+from meshslam.runs.config import read_config
+from meshslam.runs.stages import build_map, camera_path, fitted, follow
 from meshslam.sequences import open_sequence
 
 ROOT = Path(__file__).resolve().parent

@@ -7,7 +7,7 @@ import yaml
 from meshslam.maps import Map
 from meshslam.sequences import camera_yaml, open_sequence
 from tests.cli.conftest import done, error_of, meshslam
-from tests.localization.conftest import IMU_FROM_CAMERA, samples_of
+from tests.fixtures.imu_street import IMU_FROM_CAMERA, samples_of
 
 pytestmark = pytest.mark.xdist_group("localize")
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from meshslam.cli.config import Config
 from meshslam.cli.options import with_input, with_keypoint_network
+from meshslam.runs.config import Config
 
 
 def test_files_are_kept_by_their_whole_paths(tmp_path, monkeypatch):

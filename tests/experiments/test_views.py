@@ -9,7 +9,7 @@ import pytest
 from meshslam.experiments.left_out import left_out_instances
 from meshslam.experiments.page import write_experiment
 from meshslam.experiments.views import ViewsConfig, chosen_views, looking_at, views_experiment
-from meshslam.mapping import MappingConfig
+from meshslam.objects import MappingConfig
 
 SMALL = ViewsConfig(kinds=("hatch",), views=(1, 3), paper_views=(), family=30)
 

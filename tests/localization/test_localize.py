@@ -8,7 +8,7 @@ from meshslam.geometry import Pose, exp_so3
 from meshslam.localization import LocalizationConfig, localize
 from meshslam.maps import Map
 from meshslam.sequences import ImuSamples
-from tests.localization.conftest import errors_m
+from tests.fixtures.imu_street import errors_m
 
 
 @pytest.fixture(scope="module")

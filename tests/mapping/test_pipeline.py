@@ -8,7 +8,9 @@ import pytest
 
 from meshslam.evaluation import evaluate_run
 from meshslam.geometry import Pose, voxel_iou
-from meshslam.mapping import Frames, MappingConfig, map_objects
+from meshslam.mapping import map_objects
+from meshslam.maps import CameraPath
+from meshslam.objects import MappingConfig
 from meshslam.perception import read_detections
 from meshslam.sequences import open_sequence
 
@@ -95,7 +97,7 @@ def test_tracks_that_cannot_become_objects_are_named_with_the_reason(camera, car
     found += [box_detection(31, 0, (400, 80, 80, 40), None)]
     widths = (20, 20, 80, 80)  # two views that are wide enough
     found += [box_detection(41 + i, i, (500, 80, w, w / 2), 4) for i, w in enumerate(widths)]
-    frames = Frames(camera, tuple(range(5)), np.arange(5) * 0.1, drive(5), 1.65)
+    frames = CameraPath(camera, tuple(range(5)), np.arange(5) * 0.1, drive(5), 1.65)
     mapping = map_objects(frames, as_set(5, found), car, CONFIG)
     assert reasons(mapping) == {1: "too small", 2: "too few views", 3: "other category", 4: "too few views"}
     assert len(mapping.map) == 0
@@ -103,14 +105,14 @@ def test_tracks_that_cannot_become_objects_are_named_with_the_reason(camera, car
 
 
 def test_no_detections_make_an_empty_map(camera, car, as_set, drive):
-    frames = Frames(camera, (0, 1), np.array([0.0, 0.1]), drive(2), None)
+    frames = CameraPath(camera, (0, 1), np.array([0.0, 0.1]), drive(2), None)
     assert len(map_objects(frames, as_set(2, []), car, CONFIG).map) == 0
 
 
 def test_one_frame_is_enough_where_there_is_no_more(camera, car, car_detection, as_set, drive):
     true = Pose.from_yaw(0.3, np.array([10.0, 2.5, car.dimensions[2] / 2]))
     seen = car_detection(1, 0, drive(1)[0], true, car.vertices)
-    frames = Frames(camera, (0,), np.array([0.0]), drive(1), 1.65)
+    frames = CameraPath(camera, (0,), np.array([0.0]), drive(1), 1.65)
     found = map_objects(frames, as_set(1, [seen]), car, CONFIG).map.objects
     assert len(found) == 1
     assert np.linalg.norm(found[0].world_from_object.translation - true.translation) < 0.4
@@ -144,7 +146,7 @@ def test_a_real_cars_shape_is_found_from_a_ring_of_views(data_folder, car, tmp_p
     command = [sys.executable, str(make_case), "ring", str(case), "--views", "8", "--seed", "6"]
     subprocess.run(command, check=True, capture_output=True)
     recording = open_sequence(case)
-    frames = Frames(
+    frames = CameraPath(
         recording.camera,
         recording.frame_ids,
         recording.times_s,

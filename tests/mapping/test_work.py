@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from meshslam.mapping import MappingConfig
 from meshslam.mapping.pipeline import make_scene
-from meshslam.mapping.reconstruct import motion, reconstruct
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import observe, observe_again
+from meshslam.objects import MappingConfig
+from meshslam.objects.reconstruct import motion, reconstruct
 
 
 class Hiding:

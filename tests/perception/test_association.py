@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from meshslam.perception.association import Followed, assign, assign_greedily, paper_score, size_ratio
 from meshslam.perception.flow import Flow, scale_and_shift
-from meshslam.perception.sights import Sight, mask_iou, shared_area_px
+from meshslam.perception.tracked_mask import TrackedMask, mask_iou, shared_area_px
 
 SEEDS = st.integers(0, 10_000)
 NO_POINTS, NO_WEIGHTS = np.zeros((0, 2)), np.zeros(0)
 
 
-def sight(left, top, mask, keypoints=NO_POINTS, weights=NO_WEIGHTS):
-    return Sight("vehicle", left, top, mask, (60, 80), NO_POINTS, keypoints, weights)
+def tracked_mask(left, top, mask, keypoints=NO_POINTS, weights=NO_WEIGHTS):
+    return TrackedMask("vehicle", left, top, mask, (60, 80), NO_POINTS, keypoints, weights)
 
 
 def whole(s):
@@ -28,7 +28,7 @@ def whole(s):
 
 def random_sight(rng, **points):
     mask = (rng.random((rng.integers(1, 30), rng.integers(1, 40))) > 0.4).astype(np.uint8)
-    return sight(int(rng.integers(0, 40)), int(rng.integers(0, 30)), mask, **points)
+    return tracked_mask(int(rng.integers(0, 40)), int(rng.integers(0, 30)), mask, **points)
 
 
 @settings(max_examples=50, deadline=None)
@@ -36,18 +36,18 @@ def random_sight(rng, **points):
 def test_the_papers_score_is_its_sum(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 13))
-    flows, sights = [], []
+    flows, tracked = [], []
     for _ in range(2):
         weights = np.where(rng.random(count) > 0.3, rng.random(count), 0.0)
-        sights.append(random_sight(rng, keypoints=rng.uniform(0, 60, (count, 2)), weights=weights))
+        tracked.append(random_sight(rng, keypoints=rng.uniform(0, 60, (count, 2)), weights=weights))
         flows.append(rng.uniform(-5, 85, (count, 2)))
     none = Flow(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, bool))
-    one, other = (Followed(s, none, Flow(f, f, np.ones(count, bool))) for s, f in zip(sights, flows, strict=True))
+    one, other = (Followed(s, none, Flow(f, f, np.ones(count, bool))) for s, f in zip(tracked, flows, strict=True))
     expected = 0.0
     for k in range(count):
-        lands = [_at(whole(s), f[k]) for s, f in ((sights[1], flows[0]), (sights[0], flows[1]))]
-        if sights[1].weights[k] > 0:
-            expected += lands[0] * lands[1] * sights[0].weights[k]
+        lands = [_at(whole(s), f[k]) for s, f in ((tracked[1], flows[0]), (tracked[0], flows[1]))]
+        if tracked[1].weights[k] > 0:
+            expected += lands[0] * lands[1] * tracked[0].weights[k]
     assert paper_score(one, other) == pytest.approx(expected)
 
 
@@ -92,10 +92,10 @@ def test_greedy_assignment_gives_every_row_its_best_column_once():
 
 
 def test_sides_that_the_image_cuts_are_not_compared():
-    inner, wide, cut = (sight(x, 20, np.ones((10, w), np.uint8)) for x, w in ((10, 20), (10, 50), (30, 50)))
+    inner, wide, cut = (tracked_mask(x, 20, np.ones((10, w), np.uint8)) for x, w in ((10, 20), (10, 50), (30, 50)))
     assert size_ratio(inner, wide) == size_ratio(wide, inner) == 2.5
     assert size_ratio(inner, cut) == 1.0
-    assert size_ratio(inner, sight(10, 20, np.ones((30, 20), np.uint8))) == 3.0
+    assert size_ratio(inner, tracked_mask(10, 20, np.ones((30, 20), np.uint8))) == 3.0
 
 
 @settings(max_examples=50, deadline=None)

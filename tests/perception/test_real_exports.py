@@ -50,7 +50,7 @@ def test_mask_rcnn_by_torchvision(mask_rcnn, image, tmp_path):
         opset_version=17,
         dynamo=False,
     )
-    segmenter = load_segmenter(path, SegmenterConfig(minimum_area_px=1))
+    segmenter = load_segmenter(path, SegmenterConfig(min_area_px=1))
     found = segmenter.segment(image)
     with torch.no_grad():
         (own,) = mask_rcnn([torch.from_numpy(image[..., ::-1].transpose(2, 0, 1) / np.float32(255))])
@@ -77,7 +77,7 @@ def test_yolo_by_ultralytics(name, dynamic, image, tmp_path, monkeypatch):
     network = ultralytics.YOLO(name)
     network.model.names = dict(enumerate(COCO_CLASSES))
     path = network.export(format="onnx", imgsz=(96, 160), dynamic=dynamic, simplify=False)
-    segmenter = load_segmenter(path, SegmenterConfig(score_threshold=0.0, minimum_area_px=1, zoom=1.0))
+    segmenter = load_segmenter(path, SegmenterConfig(score_threshold=0.0, min_area_px=1, zoom=1.0))
     assert segmenter.layout.name == "YOLOv8-seg"
     assert segmenter.layout.classes == len(segmenter.names) == 80
     assert segmenter.names == COCO_CLASSES

@@ -10,7 +10,7 @@ from meshslam.perception.coco import COCO_CLASSES
 from tests.perception.networks import SIDE, cells, colour_network, other_network
 
 RED, BLUE = (0, 0, 255), (255, 0, 0)  # BGR
-PLAIN = SegmenterConfig(zoom=1.0, minimum_area_px=20)
+PLAIN = SegmenterConfig(zoom=1.0, min_area_px=20)
 
 
 def painted(height, width, rectangles):
@@ -100,7 +100,7 @@ def test_what_scores_too_little_or_is_too_small_is_left_out(tmp_path):
     faint = colour_network(tmp_path / "faint.onnx", score=0.25)
     assert load_segmenter(faint, PLAIN).segment(image) == []
     path = colour_network(tmp_path / "net.onnx")
-    assert load_segmenter(path, SegmenterConfig(minimum_area_px=2000)).segment(image) == []
+    assert load_segmenter(path, SegmenterConfig(min_area_px=2000)).segment(image) == []
     assert load_segmenter(path, PLAIN).segment(np.zeros((1, 1, 3), np.uint8)) == []
 
 

@@ -118,8 +118,8 @@ def test_a_gap_is_bridged_and_in_the_papers_mode_ends_the_track():
     scene = Scene([steady(20, 40, 60, 50, 10), steady(240, 90, 50, 40, -5)], 12, missed=missed)
     assert scene.tracks()[1] == {0: {1}, 1: {2}}
     assert scene.tracks(PAPER)[1] == {0: {1, 3}, 1: {2}}
-    assert scene.tracks(TrackerConfig(maximum_gap=2))[1] == {0: {1, 3}, 1: {2}}
-    assert scene.tracks(TrackerConfig(maximum_gap=3))[1] == {0: {1}, 1: {2}}
+    assert scene.tracks(TrackerConfig(max_gap=2))[1] == {0: {1, 3}, 1: {2}}
+    assert scene.tracks(TrackerConfig(max_gap=3))[1] == {0: {1}, 1: {2}}
 
 
 def test_a_new_object_in_the_place_of_a_lost_one_is_new():

@@ -3,9 +3,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from meshslam.geometry import Pose
-from meshslam.localization import ImuConfig
-from meshslam.localization.imu import Mounting, state_of_camera
-from meshslam.localization.inertial import inertial_path
+from meshslam.motion import ImuConfig
+from meshslam.motion.imu import Mounting, state_of_camera
+from meshslam.motion.inertial_odometry import inertial_path
 from meshslam.sequences import open_sequence
 from meshslam.simulation import ImuNoise, StreetConfig, make_street, simulated_imu, write_recording
 from meshslam.simulation.motion import IMU_FROM_CAMERA, Motion

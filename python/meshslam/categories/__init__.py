@@ -1,5 +1,39 @@
 """Categories of objects: template mesh, key points and shape space; the procedural families; the builder."""
 
+from meshslam.categories.build import build_family, category_of, wrapped_cars
 from meshslam.categories.category import Category, category_names, load_category, save_category
+from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
+from meshslam.categories.icosphere import icosphere, subdivide
+from meshslam.categories.keypoints import keypoint_order
+from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
+from meshslam.categories.procedural.solid import distance_and_normal, project
+from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_car, draw_of_class
+from meshslam.categories.shrinkwrap import Wrapper, carry
+from meshslam.categories.template import car_template, middle_car
 
-__all__ = ["Category", "category_names", "load_category", "save_category"]
+__all__ = [
+    "CLASSES",
+    "KEYPOINT_NAMES",
+    "CarClass",
+    "CarShape",
+    "Category",
+    "MeshOptions",
+    "Wrapper",
+    "build_family",
+    "car_template",
+    "carry",
+    "category_from_meshes",
+    "category_names",
+    "category_of",
+    "distance_and_normal",
+    "draw_car",
+    "draw_of_class",
+    "icosphere",
+    "keypoint_order",
+    "load_category",
+    "middle_car",
+    "project",
+    "save_category",
+    "subdivide",
+    "wrapped_cars",
+]

@@ -16,7 +16,7 @@ from meshslam.categories.procedural.styles import draw_car
 from meshslam.categories.shrinkwrap import Wrapper, carry
 from meshslam.categories.template import car_template, middle_car
 from meshslam.errors import CategoryError
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 SHIPPED_SEED, SHIPPED_COUNT, SHIPPED_MODES = 0, 240, 20
 FAMILIES: dict[str, Callable[[np.random.Generator], CarShape]] = {

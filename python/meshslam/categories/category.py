@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import CategoryError
-from meshslam.geometry.arrays import AnyArray, Floats, Ints
+from meshslam.geometry import AnyArray, Floats, Ints
 
 FORMAT = "meshslam-category-1"
 FIELDS = ("vertices", "faces", "modes", "mirror", "keypoint_names", "keypoint_weights", "wheel_vertices")

@@ -18,8 +18,7 @@ from meshslam.categories.modes import principal_modes
 from meshslam.categories.procedural.solid import project
 from meshslam.categories.shrinkwrap import FLIP, Wrapper, carry
 from meshslam.errors import CategoryError
-from meshslam.geometry import voxel_iou
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, voxel_iou
 
 MANY = 5  # meshes whose differences tell enough about sizes
 SIZE_SIGMA = 0.05

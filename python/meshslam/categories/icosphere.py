@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.errors import CategoryError
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 GOLDEN = (1 + 5**0.5) / 2
 

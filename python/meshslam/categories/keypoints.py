@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.optimize import nnls
 
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 LEAST_SHARE = 0.02
+
+
+def keypoint_order(detected: Sequence[str], known: Sequence[str]) -> list[int]:
+    """The number, among an object's `known` key points, of each that is `detected`; -1 for one it does not have."""
+    return [known.index(name) if name in known else -1 for name in detected]
 
 
 def point_weights(shapes: Floats, points: Floats, candidates: int = 40) -> Floats:

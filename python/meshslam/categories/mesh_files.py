@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from meshslam.categories.mesh_solid import surface_points
 from meshslam.errors import CategoryError
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Symmetry = Literal["auto", "x", "y"]

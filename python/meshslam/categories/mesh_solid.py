@@ -10,7 +10,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from meshslam.errors import CategoryError
-from meshslam.geometry.arrays import AnyArray, Floats, Ints
+from meshslam.geometry import AnyArray, Floats, Ints
 
 CELLS = 110  # along the longest side
 CLOSED_BY = 2.0  # cells: gaps of up to twice this are closed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 ALONG_THE_SURFACE = 0.3  # it changes neither outline nor volume
 

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from meshslam.categories.icosphere import Icosphere, edges_of
 from meshslam.categories.procedural.solid import Field, distance_and_normal, project
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 
 FLIP = np.array([1.0, -1.0, 1.0])
 

@@ -11,7 +11,7 @@ from meshslam.categories.procedural.car import CarShape
 from meshslam.categories.procedural.solid import Field, project
 from meshslam.categories.procedural.styles import draw_car
 from meshslam.categories.shrinkwrap import FLIP, Wrapper
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 
 ON_THE_GROUND = 0.03  # clearance of the car that the wheels grow from
 GROWTH = 0.15  # of the mirrors' reach

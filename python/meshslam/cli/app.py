@@ -61,7 +61,7 @@ def main() -> None:
         where = f" {error.filename}" if error.filename else ""
         _end(f"error:{where}: {error.strerror or error}", USER_ERROR)
     except MemoryError:
-        _end("error: out of memory: give fewer frames, or lower --max-views", USER_ERROR)
+        _end("error: out of memory: give fewer frames, or lower objects.max_views in the configuration", USER_ERROR)
     except (KeyboardInterrupt, _Interrupted):
         _end("interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED)
 

@@ -64,11 +64,11 @@ def build_(
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: a category file ends in .npz", param_hint="--out")
     if not meshes:
-        from meshslam.categories.build import build_family
+        from meshslam.categories import build_family
 
         category = build_family(name, seed=seed)
     else:
-        from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
+        from meshslam.categories import MeshOptions, category_from_meshes
 
         options = MeshOptions(forward, up, scale, symmetry, modes, size_sigma)
         category = category_from_meshes(name, meshes, keypoints, options, lambda line: print(f"note: {line}"))
@@ -87,7 +87,7 @@ def show(
     Example: meshslam category show car --out car.png
     """
     from meshslam.categories import load_category
-    from meshslam.viewing.category_sheet import category_page, category_png
+    from meshslam.viewing import category_page, category_png
 
     category = load_category(name)
     out = out or Path(f"{category.name}.html")

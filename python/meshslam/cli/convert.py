@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from meshslam.perception import DetectionSet
+    from meshslam.perception import DetectionSet, ImageFrames
 
 
 class Source(StrEnum):
@@ -37,25 +37,33 @@ def convert(
 
     Example: meshslam convert mots-txt 0006.txt --sequence 06 --out detections.json
     """
-    from meshslam.cli.config import InputConfig
-    from meshslam.cli.stages import open_input
     from meshslam.errors import DetectionError
     from meshslam.maps import write_atomically
-    from meshslam.perception import conversion, read_detections, write_detections
+    from meshslam.perception import (
+        ImageFrames,
+        from_coco_results,
+        from_mots_png,
+        from_mots_txt,
+        from_yolo_txt,
+        read_detections,
+        with_openpifpaf,
+        write_detections,
+    )
+    from meshslam.runs import InputConfig, open_input
 
     recording = open_input(InputConfig(sequence=str(sequence), layout=layout, camera=camera))
     raw = recording.raw_camera
-    frames = conversion.Frames(recording.frame_ids, raw.width, raw.height)
+    frames = ImageFrames(recording.frame_ids, raw.width, raw.height)
     if source is Source.openpifpaf:
         if masks is None:
             raise DetectionError("openpifpaf has key points but no masks: give --masks FILE (meshslam detect makes it)")
-        found = conversion.with_openpifpaf(path, read_detections(masks))
+        found = with_openpifpaf(path, read_detections(masks))
     else:
-        readers: dict[Source, Callable[[Path, conversion.Frames], DetectionSet]] = {
-            Source.coco_results: conversion.from_coco_results,
-            Source.yolo: conversion.from_yolo_txt,
-            Source.mots_txt: conversion.from_mots_txt,
-            Source.mots_png: conversion.from_mots_png,
+        readers: dict[Source, Callable[[Path, ImageFrames], DetectionSet]] = {
+            Source.coco_results: from_coco_results,
+            Source.yolo: from_yolo_txt,
+            Source.mots_txt: from_mots_txt,
+            Source.mots_png: from_mots_png,
         }
         found = readers[source](path, frames)
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -26,26 +26,24 @@ def demo(
 
     Example: meshslam demo --out demo
     """
-    from meshslam.cli.config import Config, InputConfig
-    from meshslam.cli.localize import run_localize
-    from meshslam.cli.map import run_map
-    from meshslam.cli.slam import run_slam
+    from meshslam.cli.progress import run_outlet
+    from meshslam.runs import Config, InputConfig, run_localize, run_map, run_slam
 
     refuse_foreign(out)
     first, second = draw_drives(out, seed)
     drive = Config(InputConfig(sequence=str(first)))
     again = Config(InputConfig(sequence=str(second), map=str((out / "map").resolve())))
-    runs = {"map": run_map(drive, out / "map", overwrite=overwrite)}
-    runs["localize"] = run_localize(again, out / "localize", overwrite=overwrite)
-    runs["slam"] = run_slam(drive, out / "slam", overwrite=overwrite)
+    runs = {}
+    for name, run, settings in (("map", run_map, drive), ("localize", run_localize, again), ("slam", run_slam, drive)):
+        with run_outlet() as outlet:
+            runs[name] = run(settings, out / name, outlet, overwrite=overwrite)
     show(runs, out, figures(out, first), as_json=json)
 
 
 def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
     """Two drives through one street as sequence folders: masks without key points, poses for the first alone."""
     from meshslam.cli.progress import progress_bars
-    from meshslam.simulation import EXACT, driven_again, make_world, write_recording
-    from meshslam.simulation.config import DEMO
+    from meshslam.simulation import DEMO, EXACT, driven_again, make_world, write_recording
 
     first, second = (out.resolve() / f"street_{seed}{name}" for name in ("", "_again"))
     observer = replace(EXACT, keypoints=False)
@@ -62,9 +60,7 @@ def figures(out: Path, first: Path) -> list[tuple[str, str]]:
     from meshslam.maps import Map, Trajectory
     from meshslam.perception import read_detections
     from meshslam.sequences import open_sequence
-    from meshslam.viewing.birds_eye import birds_eye
-    from meshslam.viewing.markup import jpeg_uri
-    from meshslam.viewing.overlay import draw_overlay
+    from meshslam.viewing import birds_eye, draw_overlay, jpeg_uri
 
     scene, drive = Map.load(out / "map"), open_sequence(first)
     paths = {name: Trajectory.load(out / name / "trajectory.tum").world_from_camera for name in ("map", "localize")}
@@ -89,8 +85,8 @@ def show(
     from rich.console import Console
     from rich.table import Table
 
-    from meshslam.maps.atomic import write_atomically
-    from meshslam.viewing.overview import figure_rows, overview_page
+    from meshslam.maps import write_atomically
+    from meshslam.viewing import figure_rows, overview_page
 
     intro = (
         "A street that was drawn, seen by the shipped key point network and exact masks: mapped with known poses; "

@@ -32,19 +32,18 @@ def detect(
 
     Example: meshslam detect 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out detections.json
     """
-    from meshslam.cli.config import read_config
-    from meshslam.cli.progress import progress_bars
-    from meshslam.cli.stages import open_input, segment_frames, with_keypoints
+    from meshslam.cli.progress import run_outlet
     from meshslam.maps import write_atomically
     from meshslam.perception import write_detections
+    from meshslam.runs import open_input, read_config, segment_frames, with_keypoints
 
     settings = read_config(config)
     settings = replace(settings, input=replace(settings.input, detections=None))
     settings = with_input(settings, sequence=sequence, layout=layout, camera=camera, segmenter=segmenter)
     settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)
-    with progress_bars() as bars:
-        found = with_keypoints(recording, segment_frames(recording, settings, bars), settings, bars)
+    with run_outlet() as outlet:
+        found = with_keypoints(recording, segment_frames(recording, settings, outlet), settings, outlet)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(out, write_detections(found))
     print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

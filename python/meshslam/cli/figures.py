@@ -8,7 +8,7 @@ from pathlib import Path
 def show_figures(figures: dict[str, float], out: Path, *, as_json: bool) -> None:
     """Print a run's figures, and where its report is."""
     if as_json:
-        from meshslam.cli.stages import metrics_json
+        from meshslam.runs import metrics_json
 
         print(metrics_json(figures), end="")
         return

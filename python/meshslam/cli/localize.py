@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,9 +24,6 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
-
-if TYPE_CHECKING:
-    from meshslam.cli.config import Config
 
 
 def localize(
@@ -49,8 +46,9 @@ def localize(
 
     Example: meshslam localize drive2 --map run1 --out run2
     """
-    from meshslam.cli.config import overlaid, read_config
     from meshslam.cli.figures import show_figures
+    from meshslam.cli.progress import run_outlet
+    from meshslam.runs import overlaid, read_config, run_localize
 
     settings = with_input(
         read_config(config),
@@ -66,44 +64,6 @@ def localize(
     settings = with_keypoint_network(settings, keypoints)
     if solver is not None:
         settings = replace(settings, localization=overlaid(settings.localization, {"solver": solver}, "--solver"))
-    show_figures(run_localize(settings, out, overwrite=overwrite), out, as_json=json)
-
-
-def run_localize(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:
-    """Perceive, localize, save, evaluate, report."""
-    from meshslam.cli import stages
-    from meshslam.cli.progress import progress_bars
-    from meshslam.cli.report import save_localization_report
-    from meshslam.cli.truth import paths_against_truth, true_path
-    from meshslam.errors import MapError
-    from meshslam.evaluation import evaluate_run
-    from meshslam.localization import localize as localize_sequence
-    from meshslam.maps import Map, Trajectory
-    from meshslam.perception import write_detections
-    from meshslam.sequences import camera_yaml
-
-    if settings.input.map is None:
-        raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
-    scene = Map.load(Path(settings.input.map))
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
-    clock = stages.Clock()
-    with progress_bars() as bars:
-        with clock.timing("perception"):
-            found, _ = stages.perceive(recording, settings, run, bars)
-        stages.say_notes(recording, found, settings)
-        with clock.timing("localization"):
-            result = localize_sequence(recording, found, scene, settings.localization, bars)
-        mounted, height = recording.imu_from_camera, recording.height_above_ground_m
-        run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
-        run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
-        run.save("detections.json", write_detections(result.detections))
-        paths = {"initial": result.inertial, "filtered": result.filtered}
-        paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
-        figures = stages.run_figures(result.figures, len(recording), clock)
-        figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
-        drawn = {"IMU alone": result.inertial} | true_path(recording)
-        save_localization_report(recording, scene, result, figures, run, drawn)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+    with run_outlet() as outlet:
+        figures = run_localize(settings, out, outlet, overwrite=overwrite)
+    show_figures(figures, out, as_json=json)

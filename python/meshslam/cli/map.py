@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,9 +23,6 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
-
-if TYPE_CHECKING:
-    from meshslam.cli.config import Config
 
 
 def map_(
@@ -49,8 +46,9 @@ def map_(
 
     Example: meshslam map 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out run48
     """
-    from meshslam.cli.config import overlaid, read_config
     from meshslam.cli.figures import show_figures
+    from meshslam.cli.progress import run_outlet
+    from meshslam.runs import overlaid, read_config, run_map
 
     settings = with_input(
         read_config(config),
@@ -65,31 +63,7 @@ def map_(
     if tracker is not None:
         settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
     if solver is not None:
-        settings = replace(settings, mapping=overlaid(settings.mapping, {"solver": solver}, "--solver"))
-    show_figures(run_map(settings, out, overwrite=overwrite), out, as_json=json)
-
-
-def run_map(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:
-    """Perceive, track, map, save, evaluate, report: what is there already is not done again."""
-    from meshslam.cli import stages
-    from meshslam.cli.progress import progress_bars
-    from meshslam.cli.report import save_map_report
-    from meshslam.evaluation import evaluate_run
-
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
-    clock = stages.Clock()
-    with progress_bars() as bars:
-        with clock.timing("perception"):
-            found_objects, fixed = stages.perceive(recording, settings, run, bars)
-        with clock.timing("tracking"):
-            tracked = stages.follow(recording, found_objects, settings, bars)
-        with clock.timing("mapping"):
-            frames = stages.camera_path(recording, tracked, settings, bars)
-            mapping = stages.build_map(frames, tracked, settings, bars, fixed_tracks=fixed)
-        stages.save(recording, frames, mapping, run)
-        figures = stages.figures(recording, mapping, clock) | evaluate_run(recording.root, run.folder)
-        save_map_report(recording, frames, mapping, settings.input.category, figures, run)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+        settings = replace(settings, objects=overlaid(settings.objects, {"solver": solver}, "--solver"))
+    with run_outlet() as outlet:
+        figures = run_map(settings, out, outlet, overwrite=overwrite)
+    show_figures(figures, out, as_json=json)

@@ -20,8 +20,7 @@ def add(
 
     Example: meshslam models add yolov5n-seg.onnx
     """
-    from meshslam.perception import load_segmenter
-    from meshslam.perception.model_store import add_model
+    from meshslam.perception import add_model, load_segmenter
 
     load_segmenter(file)  # what fits no layout is refused here, not in a run
     model = add_model(file, name, licence)
@@ -35,7 +34,7 @@ def list_() -> None:
 
     Example: meshslam models list
     """
-    from meshslam.perception.model_store import ADVICE, store_folder, stored_models
+    from meshslam.perception import ADVICE, store_folder, stored_models
 
     models = stored_models()
     for model in models:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from meshslam.cli.config import Config
+    from meshslam.runs import Config
 
 SequenceFolder = Annotated[Path | None, typer.Argument(help="Folder of the recording.")]
 RunFolder = Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")]
@@ -32,7 +32,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.
 
 def with_input(settings: Config, **given: str | int | Path | None) -> Config:
     """The settings with what was given of their input; files by their whole paths, so that a run can be repeated."""
-    from meshslam.cli.config import overlaid
+    from meshslam.runs import overlaid
 
     values = {key: _plain(key, value) for key, value in given.items() if value is not None}
     return replace(settings, input=overlaid(settings.input, values, "flags"))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+from meshslam.runs import Outlet
 
 
 class Bars:
@@ -34,3 +37,10 @@ def progress_bars() -> Iterator[Bars]:
     finally:
         if progress.live.is_started:
             progress.stop()
+
+
+@contextmanager
+def run_outlet() -> Iterator[Outlet]:
+    """Bars and notes of a run on stderr while the block runs."""
+    with progress_bars() as bars:
+        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr))

@@ -11,7 +11,7 @@ import typer
 from meshslam.cli.options import ConfigFile, Extrinsics, ImuFile, Overwrite, Segmenter, with_input
 
 if TYPE_CHECKING:
-    from meshslam.experiments.page import Experiment
+    from meshslam.experiments import Experiment
 
 reproduce_app = typer.Typer(help="The paper's experiments, each in one command.", no_args_is_help=True)
 Out = Annotated[Path, typer.Option(help="Folder for figures, pictures and the page.")]
@@ -30,9 +30,9 @@ def views(
 
     Example: meshslam reproduce views --out views
     """
-    from meshslam.cli.config import read_config
     from meshslam.cli.progress import progress_bars
-    from meshslam.experiments.views import ViewsConfig, views_experiment
+    from meshslam.experiments import ViewsConfig, views_experiment
+    from meshslam.runs import read_config
 
     chosen = ViewsConfig(seed=seed)
     if count:
@@ -41,7 +41,7 @@ def views(
     if paper_count:
         chosen = replace(chosen, paper_views=tuple(sorted(set(paper_count))))
     with progress_bars() as bars:
-        found = views_experiment(chosen, read_config(config).mapping, bars)
+        found = views_experiment(chosen, read_config(config).objects, bars)
     show(found, out)
 
 
@@ -61,10 +61,10 @@ def localization(
 
     Example: meshslam reproduce localization --poses poses/06.txt --imu 06.csv --imu-from-camera mounted.yaml
     """
-    from meshslam.cli.config import read_config
     from meshslam.cli.progress import progress_bars
-    from meshslam.experiments.localization import STREET, localization_experiment
-    from meshslam.simulation.config import SimulationConfig
+    from meshslam.experiments import STREET, localization_experiment
+    from meshslam.runs import read_config
+    from meshslam.simulation import SimulationConfig
 
     simulation = SimulationConfig(
         seed=seed,
@@ -76,8 +76,10 @@ def localization(
         imu_from_camera=_text(imu_from_camera),
         start=start,
     )
+    settings = read_config(config)
     with progress_bars() as bars:
-        found = localization_experiment(simulation, read_config(config).localization, out / "sequence", bars)
+        given = (simulation, settings.estimation, settings.localization)
+        found = localization_experiment(*given, out / "sequence", bars)
     show(found, out)
 
 
@@ -96,10 +98,9 @@ def kitti(
 
     Example: meshslam reproduce kitti 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out kitti
     """
-    from meshslam.cli.config import read_config
-    from meshslam.cli.map import run_map
-    from meshslam.cli.stages import open_input
-    from meshslam.experiments.kitti import MappedDrive, kitti_experiment
+    from meshslam.cli.progress import run_outlet
+    from meshslam.experiments import MappedDrive, kitti_experiment
+    from meshslam.runs import open_input, read_config, run_map
 
     if labels and len(labels) != len(drives):
         raise typer.BadParameter(f"{len(labels)} files for {len(drives)} drives", param_hint="--labels")
@@ -107,7 +108,8 @@ def kitti(
     for number, drive in enumerate(drives):
         chosen = with_input(settings, sequence=drive, segmenter=segmenter)
         run = out / f"{number}_{drive.resolve().name}"
-        run_map(chosen, run, overwrite=overwrite)
+        with run_outlet() as outlet:
+            run_map(chosen, run, outlet, overwrite=overwrite)
         mapped.append(MappedDrive(open_input(chosen.input), run, labels[number] if labels else None))
     show(kitti_experiment(mapped), out)
 
@@ -117,7 +119,7 @@ def show(found: Experiment, out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from meshslam.experiments.page import write_experiment
+    from meshslam.experiments import write_experiment
 
     report = write_experiment(found, out)
     table = Table("", "paper", "here", title=found.title)

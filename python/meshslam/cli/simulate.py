@@ -12,8 +12,7 @@ import typer
 from meshslam.cli.options import ImuFile
 
 if TYPE_CHECKING:
-    from meshslam.simulation import Street
-    from meshslam.simulation.config import SimulationConfig
+    from meshslam.simulation import SimulationConfig, Street
 
 Modes = Literal["coloured", "textureless", "contrast"]
 
@@ -47,8 +46,8 @@ def simulate(
 
     Example: meshslam simulate street --seed 3 --frames 60 && meshslam map street --out run
     """
-    from meshslam.cli.config import overlaid, read_yaml
-    from meshslam.simulation.config import SimulationConfig
+    from meshslam.runs import overlaid, read_yaml
+    from meshslam.simulation import SimulationConfig
 
     settings = SimulationConfig() if config is None else overlaid(SimulationConfig(), read_yaml(config), str(config))
     street = {"frames": frames, "cars_each_side": cars, "mode": mode}
@@ -60,9 +59,9 @@ def simulate(
 
 def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> None:
     """Draw, and put the folder in place once it is whole."""
-    from meshslam.cli.config import to_yaml
     from meshslam.cli.progress import progress_bars
-    from meshslam.simulation.config import simulate_street
+    from meshslam.runs import to_yaml
+    from meshslam.simulation import simulate_street
 
     refuse_foreign(out, overwrite=overwrite)
     part = out.with_name(f".{out.name}.meshslam-part")
@@ -95,7 +94,7 @@ Settings = TypeVar("Settings")
 
 def _given(settings: Settings, values: dict[str, Any]) -> Settings:
     """The settings with those values that are not None; paths become text that holds in any folder."""
-    from meshslam.cli.config import overlaid
+    from meshslam.runs import overlaid
 
     chosen = {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
     return overlaid(settings, chosen, "flags")

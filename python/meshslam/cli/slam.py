@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,11 +24,6 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
-
-if TYPE_CHECKING:
-    from meshslam.cli.config import Config
-
-_MAPPING_SOLVER = {"smoother": "residuals", "gradient": "gradient"}  # that goes with localization's
 
 
 def slam(
@@ -55,8 +50,9 @@ def slam(
 
     Example: meshslam slam drive --out run
     """
-    from meshslam.cli.config import overlaid, read_config
     from meshslam.cli.figures import show_figures
+    from meshslam.cli.progress import run_outlet
+    from meshslam.runs import overlaid, read_config, run_slam
 
     settings = with_input(
         read_config(config),
@@ -72,56 +68,7 @@ def slam(
     if poses is not None:
         settings = replace(settings, slam=overlaid(settings.slam, {"poses": poses}, "--poses"))
     if solver is not None:
-        chosen = overlaid(settings.localization, {"solver": solver}, "--solver")
-        mapping = overlaid(settings.mapping, {"solver": _MAPPING_SOLVER[chosen.solver]}, "--solver")
-        settings = replace(settings, localization=chosen, mapping=mapping)
-    show_figures(run_slam(settings, out, overwrite=overwrite), out, as_json=json)
-
-
-def run_slam(settings: Config, out: Path, *, overwrite: bool) -> dict[str, float]:
-    """Perceive, track, estimate path and objects together, map along the path, save, evaluate, report."""
-    from meshslam.categories import load_category
-    from meshslam.cli import stages
-    from meshslam.cli.progress import progress_bars
-    from meshslam.cli.report import save_map_report
-    from meshslam.cli.truth import paths_against_truth, true_path
-    from meshslam.evaluation import evaluate_run
-    from meshslam.localization import slam_path
-    from meshslam.mapping import Frames
-
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
-    clock, category = stages.Clock(), load_category(settings.input.category)
-    with progress_bars() as bars:
-        with clock.timing("perception"):
-            found, fixed = stages.perceive(recording, settings, run, bars)
-        stages.say_notes(recording, found, settings)
-        with clock.timing("tracking"):
-            # known poses beyond the first are not for SLAM, unless they are its odometry
-            blind = recording if settings.slam.poses == "odometry" else replace(recording, world_from_camera=None)
-            tracked = stages.follow(blind, found, settings, bars)
-        with clock.timing("localization"):
-            result = slam_path(
-                recording,
-                tracked,
-                category,
-                settings.localization,
-                settings.slam,
-                settings.mapping,
-                bars,
-                fixed_tracks=fixed,
-            )
-        height = recording.height_above_ground_m
-        frames = Frames(recording.camera, recording.frame_ids, recording.times_s, result.world_from_camera, height)
-        with clock.timing("mapping"):
-            mapping = stages.build_map(frames, result.detections, settings, bars, fixed_tracks=fixed)
-        stages.save(recording, frames, mapping, run)
-        figures = stages.figures(recording, mapping, clock) | result.figures | evaluate_run(recording.root, run.folder)
-        alone = {"initial": result.alone} if result.alone else {}
-        by_iteration = {f"iteration_{k:02d}": path for k, path in enumerate(result.iterations)}
-        figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
-        drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
-        save_map_report(recording, frames, mapping, settings.input.category, figures, run, drawn)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+        settings = replace(settings, slam=overlaid(settings.slam, {"solver": solver}, "--solver"))
+    with run_outlet() as outlet:
+        figures = run_slam(settings, out, outlet, overwrite=overwrite)
+    show_figures(figures, out, as_json=json)

@@ -32,9 +32,8 @@ def train_keypoints(
         import torch  # noqa: F401 # the extra is there
     except ImportError:
         raise ModelError("training needs PyTorch, which is not installed: pip install 'meshslam[train]'") from None
-    from meshslam.training.pictures import draw_chunks
-    from meshslam.training.train import TrainingConfig, evaluate, export, learn
-    from meshslam.training.train import held_out as split
+    from meshslam.training import TrainingConfig, draw_chunks, evaluate, export, learn
+    from meshslam.training import held_out as split
 
     if held_out >= chunks:
         raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")

@@ -1,5 +1,6 @@
 """Figures of finished runs: the only room that opens truth, after the map is on disk."""
 
+from meshslam.evaluation.marked import MarkedScore, marked_labels, marked_objects, score_marked
 from meshslam.evaluation.masks import MaskScores, score_masks
 from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
 from meshslam.evaluation.run import evaluate_run
@@ -7,13 +8,17 @@ from meshslam.evaluation.trajectories import trajectory_figures
 from meshslam.evaluation.truth import Truth, read_truth
 
 __all__ = [
+    "MarkedScore",
     "MaskScores",
     "ObjectScore",
     "Truth",
     "evaluate_run",
+    "marked_labels",
+    "marked_objects",
     "match_objects",
     "object_figures",
     "read_truth",
+    "score_marked",
     "score_masks",
     "score_object",
     "trajectory_figures",

@@ -11,8 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from meshslam.errors import SequenceError
 from meshslam.evaluation.objects import counted_objects
 from meshslam.evaluation.truth import read_truth
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.maps import Map
 
 MATCH_DISTANCE_M = 5.0

@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import MapError
-from meshslam.geometry import Camera, Pose, render
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry import Bools, Camera, Floats, Ints, Pose, render
 from meshslam.maps import Map, Trajectory
 from meshslam.perception import Detection, read_detections
-from meshslam.sequences.folder import read_camera_file
-from meshslam.sequences.report import Report
+from meshslam.sequences import Report, read_camera_file
 
 Mesh = tuple[Pose, Floats, Ints]  # camera_from_object, vertices, faces
 NEAR_M = 0.2  # nothing closer is taken to be drawn inside its projection

@@ -8,11 +8,9 @@ from functools import cache
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from meshslam.categories import category_names, load_category
-from meshslam.categories.category import Category
+from meshslam.categories import Category, category_names, load_category
 from meshslam.evaluation.truth import Truth
-from meshslam.geometry import Pose, voxel_iou
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints, Pose, voxel_iou
 from meshslam.maps import Map, MapObject
 
 MATCH_DISTANCE_M = 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry import Bools, Floats, Ints
 from meshslam.maps import Trajectory
 
 TIME_TOLERANCE_S = 5e-3

@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.categories import load_category
-from meshslam.evaluation.marked import MarkedScore, marked_labels, marked_objects, score_marked
+from meshslam.evaluation import MarkedScore, marked_labels, marked_objects, score_marked
 from meshslam.experiments.page import Cell, Claim, Experiment, Picture, png
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes
 from meshslam.maps import Map, Trajectory
 from meshslam.perception import DetectionSet, read_detections
 from meshslam.sequences import Sequence as Recording
-from meshslam.viewing.birds_eye import footprint
-from meshslam.viewing.charts import Line, line_charts
-from meshslam.viewing.mesh_picture import mesh_picture
-from meshslam.viewing.overlay import draw_overlay
+from meshslam.viewing import Line, draw_overlay, footprint, line_charts, mesh_picture
 
 COLUMNS = {
     "mask_iou_single_frame": "single frame",

@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.categories import Category
-from meshslam.categories.build import category_of, wrapped_cars
-from meshslam.categories.icosphere import icosphere
-from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_of_class
-from meshslam.categories.shrinkwrap import Wrapper
-from meshslam.categories.template import middle_car
-from meshslam.simulation import Body, procedural_body
-from meshslam.simulation.cars import meshed_cars
+from meshslam.categories import (
+    CLASSES,
+    CarClass,
+    Category,
+    Wrapper,
+    category_of,
+    draw_of_class,
+    icosphere,
+    middle_car,
+    wrapped_cars,
+)
+from meshslam.simulation import Body, meshed_cars, procedural_body
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,16 +11,14 @@ import numpy as np
 from meshslam.evaluation import trajectory_figures
 from meshslam.experiments.page import Cell, Claim, Experiment, Picture, png
 from meshslam.geometry import Pose
-from meshslam.localization import Localization, LocalizationConfig, localize
+from meshslam.initialization import EstimationConfig
+from meshslam.localization import Localization, LocalizationConfig, localize_sequence
 from meshslam.maps import Map, MapObject, Trajectory
 from meshslam.perception import ColourConfig, ColourSegmenter, DetectionSet, detect
 from meshslam.sequences import Sequence as Recording
 from meshslam.sequences import open_sequence
-from meshslam.simulation import Street, StreetConfig
-from meshslam.simulation.config import SimulationConfig, simulate_street
-from meshslam.viewing.charts import Line, line_charts
-from meshslam.viewing.overlay import draw_overlay
-from meshslam.viewing.path_charts import lines_from_above
+from meshslam.simulation import SimulationConfig, Street, StreetConfig, simulate_street
+from meshslam.viewing import Line, draw_overlay, line_charts, lines_from_above
 
 STREET = StreetConfig(
     frames=70,
@@ -58,25 +56,33 @@ class _Paths:
 
 
 def localization_experiment(
-    simulation: SimulationConfig, config: LocalizationConfig, folder: Path, progress: Progress
+    simulation: SimulationConfig,
+    estimation: EstimationConfig,
+    config: LocalizationConfig,
+    folder: Path,
+    progress: Progress,
 ) -> Experiment:
     """Draw the street into `folder`, read the colours, localize among the true cars with both solvers."""
     street = simulate_street(simulation, folder, progress)
     recording = open_sequence(folder)
     scene = known_map(street)
     seen = _seen(recording, progress)
-    default = localize(recording, seen, scene, replace(config, solver="smoother"), progress)
-    paper = localize(recording, seen, scene, replace(config, solver="gradient"), progress)
-    fewer = {
-        "paper's": {k: replace(config, solver="gradient", gradient_iterations=k) for k in PAPER_ITERATIONS},
-        "default": {
-            k: replace(config, solver="smoother", smoother=replace(config.smoother, iterations=k))
-            for k in SMOOTHER_ITERATIONS
-        },
-    }
+
+    def localized(estimation: EstimationConfig, config: LocalizationConfig) -> Localization:
+        return localize_sequence(recording, seen, scene, estimation, config, progress)
+
+    by_smoother, by_descent = replace(config, solver="smoother"), replace(config, solver="gradient")
+    default, paper = localized(estimation, by_smoother), localized(estimation, by_descent)
+    smoothers = {k: replace(estimation.smoother, iterations=k) for k in SMOOTHER_ITERATIONS}
     by_iterations = {
-        solver: {k: localize(recording, seen, scene, c, progress).world_from_camera for k, c in chosen.items()}
-        for solver, chosen in fewer.items()
+        "paper's": {
+            k: localized(estimation, replace(by_descent, gradient_iterations=k)).world_from_camera
+            for k in PAPER_ITERATIONS
+        },
+        "default": {
+            k: localized(replace(estimation, smoother=smoother), by_smoother).world_from_camera
+            for k, smoother in smoothers.items()
+        },
     }
     truth = Trajectory(street.times_s, street.world_from_camera)
     paths = _Paths(truth, default.inertial, default, paper, by_iterations)

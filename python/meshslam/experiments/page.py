@@ -12,9 +12,9 @@ from pathlib import Path
 
 import cv2
 
-from meshslam.geometry.arrays import Bytes
-from meshslam.maps.atomic import write_together
-from meshslam.viewing.markup import number, table, text
+from meshslam.geometry import Bytes
+from meshslam.maps import write_together
+from meshslam.viewing import number, table, text
 
 Cell = float | int | str | None
 _STYLE = (

@@ -13,15 +13,13 @@ import numpy as np
 
 from meshslam.experiments.left_out import Instance, left_out_instances
 from meshslam.experiments.page import Claim, Experiment, Picture, png
-from meshslam.geometry import Camera, Pose, voxel_iou
-from meshslam.geometry.arrays import Bytes, Floats
-from meshslam.mapping import Frames, MappingConfig, map_objects
-from meshslam.maps import MapObject
+from meshslam.geometry import Bytes, Camera, Floats, Pose, voxel_iou
+from meshslam.mapping import MappingConfig, map_objects
+from meshslam.maps import CameraPath, MapObject
+from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, ColourSegmenter, DetectionSet, detect
-from meshslam.simulation import Car, Street, render_image
-from meshslam.simulation.road import Road
-from meshslam.viewing.charts import Line, line_charts
-from meshslam.viewing.mesh_picture import mesh_picture
+from meshslam.simulation import Car, Road, Street, render_image
+from meshslam.viewing import Line, line_charts, mesh_picture
 
 CAMERA = Camera(960, 400, 721.5, 721.5, 479.5, 160.0)
 SOLVERS: dict[str, Literal["residuals", "gradient"]] = {"default": "residuals", "paper's": "gradient"}
@@ -58,7 +56,7 @@ class Result:
     found: MapObject | None
 
 
-def views_experiment(config: ViewsConfig, mapping: MappingConfig, progress: Progress) -> Experiment:
+def views_experiment(config: ViewsConfig, objects: ObjectConfig, progress: Progress) -> Experiment:
     """Draw, segment, reconstruct, compare."""
     progress("shape spaces", 0, 1)
     instances = left_out_instances(config.kinds, config.seed, config.family, config.modes)
@@ -75,7 +73,7 @@ def views_experiment(config: ViewsConfig, mapping: MappingConfig, progress: Prog
     ]
     results: list[Result] = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for result in pool.map(partial(_job, mapping=mapping, config=config), jobs):
+        for result in pool.map(partial(_job, objects=objects, config=config), jobs):
             results.append(result)
             progress("reconstruct", len(results), len(jobs))
     return _experiment(results, instances, images, config)
@@ -113,16 +111,16 @@ def chosen_views(count: int, ring: int) -> list[int]:
 
 
 def reconstructed(
-    instance: Instance, street: Street, seen: DetectionSet, solver: str, count: int, mapping: MappingConfig
+    instance: Instance, street: Street, seen: DetectionSet, solver: str, count: int, objects: ObjectConfig
 ) -> Result:
     """Map the car from `count` views, and compare it with the true one."""
     views = chosen_views(count, len(street.times_s))
     poses, times_s = tuple(street.world_from_camera[i] for i in views), street.times_s[np.array(sorted(views))]
-    frames = Frames(street.camera, tuple(views), times_s, poses, street.camera_height_m)
+    frames = CameraPath(street.camera, tuple(views), times_s, poses, street.camera_height_m)
     kept = tuple(d for d in seen.detections if d.frame in views)
     shown = replace(seen, images=tuple(i for i in seen.images if i.id in views), detections=kept)
-    chosen = replace(mapping, solver=SOLVERS[solver])
-    found = map_objects(frames, shown, instance.category, chosen, fixed_tracks=True)
+    chosen = replace(objects, solver=SOLVERS[solver])
+    found = map_objects(frames, shown, instance.category, chosen, MappingConfig(), fixed_tracks=True)
     if not found.map.objects:
         return Result(instance.kind, solver, count, 0.0, 0.0, 0.0, None)
     thing, car = found.map.objects[0], street.cars[0]
@@ -137,9 +135,9 @@ def reconstructed(
     return Result(instance.kind, solver, count, float(thing.mask_iou or 0.0), own, mean, thing)
 
 
-def _job(job: tuple[Instance, Street, DetectionSet, str, int], mapping: MappingConfig, config: ViewsConfig) -> Result:
+def _job(job: tuple[Instance, Street, DetectionSet, str, int], objects: ObjectConfig, config: ViewsConfig) -> Result:
     instance, street, seen, solver, count = job
-    return reconstructed(instance, street, seen, solver, count, mapping)
+    return reconstructed(instance, street, seen, solver, count, objects)
 
 
 def _experiment(

@@ -1,7 +1,8 @@
 """Poses, cameras, meshes, rendering and their derivatives: the only room that imports the native module."""
 
+from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
-from meshslam.geometry.lie import exp_so3, hat, log_so3, right_jacobian
+from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian
 from meshslam.geometry.mask_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
 from meshslam.geometry.object_model import (
     Block,
@@ -33,9 +34,14 @@ from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
 from meshslam.geometry.triangulation import kabsch, triangulate
 
 __all__ = [
+    "AnyArray",
     "Block",
+    "Bools",
+    "Bytes",
     "Camera",
+    "Floats",
     "GroundPlane",
+    "Ints",
     "Iteration",
     "MaskGradient",
     "MaskLoss",
@@ -47,11 +53,13 @@ __all__ = [
     "Pose",
     "Refined",
     "Rendering",
+    "Singles",
     "SquareRoot",
     "View",
     "camera_points",
     "cotangent_weights",
     "coverage",
+    "cross_matrix",
     "exp_so3",
     "hat",
     "kabsch",

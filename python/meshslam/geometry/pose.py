@@ -8,6 +8,7 @@ import numpy as np
 
 from meshslam.errors import GeometryError
 from meshslam.geometry.arrays import Floats
+from meshslam.geometry.lie import cross_matrix, exp_so3
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,17 @@ class Pose:
     def inverse(self) -> Pose:
         """`b_from_a` of this `a_from_b`."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def adjoint(self) -> Floats:
+        """Ad (6, 6) with T exp(x) = exp(Ad x) T, over (translation, rotation)."""
+        out = np.zeros((6, 6))
+        out[:3, :3] = out[3:, 3:] = self.rotation
+        out[:3, 3:] = cross_matrix(self.translation) @ self.rotation
+        return out
+
+    def retract(self, step: Floats) -> Pose:
+        """Move by a right perturbation (translation, rotation)."""
+        return Pose(self.rotation @ exp_so3(step[3:]), self.translation + self.rotation @ step[:3])
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)

@@ -1,47 +1,35 @@
-"""Inertial odometry, localization in a map of meshes, joint SLAM."""
+"""The camera in a known map of meshes."""
 
-from meshslam.localization.config import (
-    AssociationConfig,
-    GateConfig,
-    ImuConfig,
-    LocalizationConfig,
-    SlamConfig,
-    SmootherConfig,
-    StartConfig,
-)
-from meshslam.localization.inertial import inertial_path, start_state
-from meshslam.localization.localizer import FrameReport, Localizer
-from meshslam.localization.notes import imu_notes, object_notes
-from meshslam.localization.run import Localization, SlamPath, localize, slam_path
-from meshslam.localization.slam import Slam
-from meshslam.localization.slam_system import SlamState, SlamSystem, SlamSystemConfig
-from meshslam.localization.stream import Frame
-from meshslam.localization.system import State, System, SystemConfig
+from meshslam.localization.archive import read_archive, under, write_archive
+from meshslam.localization.config import AssociationConfig, GateConfig, LocalizationConfig
+from meshslam.localization.data_association import FrameMasks
+from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
+from meshslam.localization.known_objects import KnownObject, known_objects
+from meshslam.localization.localizer import Localizer, LocalizerSettings
+from meshslam.localization.sequence import Localization, localize_sequence
+from meshslam.localization.stream import Stream
 
 __all__ = [
     "AssociationConfig",
-    "Frame",
+    "CameraLoss",
+    "FrameMasks",
     "FrameReport",
     "GateConfig",
-    "ImuConfig",
+    "KnownObject",
     "Localization",
     "LocalizationConfig",
+    "LocalizationEstimator",
     "Localizer",
-    "Slam",
-    "SlamConfig",
-    "SlamPath",
-    "SlamState",
-    "SlamSystem",
-    "SlamSystemConfig",
-    "SmootherConfig",
-    "StartConfig",
-    "State",
-    "System",
-    "SystemConfig",
-    "imu_notes",
-    "inertial_path",
-    "localize",
-    "object_notes",
-    "slam_path",
-    "start_state",
+    "LocalizerSettings",
+    "Stream",
+    "camera_loss",
+    "descend",
+    "descend_camera",
+    "known_objects",
+    "localize_sequence",
+    "per_pixel",
+    "read_archive",
+    "under",
+    "write_archive",
 ]

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Pose, exp_so3
-from meshslam.geometry.arrays import Floats
-from meshslam.localization.factors import SeenObject, small_rotation
-from meshslam.localization.gtsam_bridge import adjoint
+from meshslam.geometry import Floats, Pose
+from meshslam.graph import ObservationCost, small_rotation
 
 _ITERATIONS = 6
 _HALVINGS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class MapObservation:
     """A view of an object whose place is known, exactly or with a covariance (6, 6) of (translation, rotation)."""
 
-    seen: SeenObject
+    cost: ObservationCost
     world_from_object: Pose
     covariance: Floats | None = None
 
@@ -33,18 +31,13 @@ class Correction:
     cost_shares: dict[int, float]
 
 
-def retracted(pose: Pose, step: Floats) -> Pose:
-    """Move a pose by a right perturbation (translation, rotation)."""
-    return Pose(pose.rotation @ exp_so3(step[3:]), pose.translation + pose.rotation @ step[:3])
-
-
-def correct(predicted: Pose, covariance: Floats, sightings: Mapping[int, Sighting]) -> Correction:
+def correct(predicted: Pose, covariance: Floats, observations: Mapping[int, MapObservation]) -> Correction:
     """Lower the views' costs and the distance from the predicted pose, by Gauss-Newton with halved steps.
 
     `covariance` (6, 6) is the predicted pose's, of (translation, rotation). Objects with a covariance move along.
     """
-    problem = _Problem(predicted, np.asarray(np.linalg.inv(covariance), float), sightings)
-    state = _State(predicted, {k: s.world_from_object for k, s in sightings.items()})
+    problem = _Problem(predicted, np.asarray(np.linalg.inv(covariance), float), observations)
+    state = _State(predicted, {k: s.world_from_object for k, s in observations.items()})
     cost, hessian, gradient = problem.linearize(state)
     for _ in range(_ITERATIONS):
         step: Floats = -np.asarray(np.linalg.solve(hessian, gradient), float)
@@ -59,7 +52,7 @@ def correct(predicted: Pose, covariance: Floats, sightings: Mapping[int, Sightin
         gain, state, (cost, hessian, gradient) = cost - found[0], trial, found
         if gain < 1e-2:
             break
-    shares = {k: s.seen.cost_share(state.camera.inverse() @ state.objects[k]) for k, s in sightings.items()}
+    shares = {k: s.cost.cost_share(state.camera.inverse() @ state.objects[k]) for k, s in observations.items()}
     return Correction(state.camera, shares)
 
 
@@ -70,22 +63,24 @@ class _State:
 
 
 class _Problem:
-    def __init__(self, predicted: Pose, information: Floats, sightings: Mapping[int, Sighting]) -> None:
-        self.predicted, self.information, self.sightings = predicted, information, sightings
-        free = [k for k, s in sightings.items() if s.covariance is not None]
+    def __init__(self, predicted: Pose, information: Floats, observations: Mapping[int, MapObservation]) -> None:
+        self.predicted, self.information, self.observations = predicted, information, observations
+        free = [k for k, s in observations.items() if s.covariance is not None]
         self.column = {k: 6 + 6 * i for i, k in enumerate(free)}
         self.size = 6 + 6 * len(free)
         self.object_information = {
-            k: np.asarray(np.linalg.inv(s.covariance), float) for k, s in sightings.items() if s.covariance is not None
+            k: np.asarray(np.linalg.inv(s.covariance), float)
+            for k, s in observations.items()
+            if s.covariance is not None
         }
 
     def linearize(self, state: _State) -> tuple[float, Floats, Floats]:
         hessian, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
         cost = _add_prior(hessian, gradient, 0, self.information, self.predicted, state.camera)
-        for k, sighting in self.sightings.items():
+        for k, observation in self.observations.items():
             relative = state.camera.inverse() @ state.objects[k]
-            by_object, residual = sighting.seen.linearize(relative)
-            by_camera = -by_object @ adjoint(relative.inverse())
+            by_object, residual = observation.cost.linearize(relative)
+            by_camera = -by_object @ relative.inverse().adjoint()
             cost += 0.5 * float(residual @ residual)
             hessian[:6, :6] += by_camera.T @ by_camera
             gradient[:6] += by_camera.T @ residual
@@ -98,15 +93,15 @@ class _Problem:
             hessian[block, :6] += cross.T
             gradient[block] += by_object.T @ residual
             prior = self.object_information[k]
-            cost += _add_prior(hessian, gradient, at, prior, sighting.world_from_object, state.objects[k])
+            cost += _add_prior(hessian, gradient, at, prior, observation.world_from_object, state.objects[k])
         return cost, hessian, gradient
 
     def moved(self, state: _State, step: Floats) -> _State:
         objects = {
-            k: retracted(pose, step[self.column[k] : self.column[k] + 6]) if k in self.column else pose
+            k: pose.retract(step[self.column[k] : self.column[k] + 6]) if k in self.column else pose
             for k, pose in state.objects.items()
         }
-        return _State(retracted(state.camera, step[:6]), objects)
+        return _State(state.camera.retract(step[:6]), objects)
 
 
 def _add_prior(hessian: Floats, gradient: Floats, at: int, information: Floats, mean: Pose, pose: Pose) -> float:

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from meshslam.errors import MapError
-from meshslam.geometry import Camera, ObjectModel, Pose
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose
 from meshslam.maps import Map, MapObject
 
 NEAR_M = 0.3
@@ -31,10 +30,6 @@ class KnownObject:
     pose_covariance: Floats | None  # (6, 6), right perturbation, (translation, rotation)
     corners: Floats  # (8, 3), of the mesh's bounding box
     hull: tuple[Floats, Ints]  # vertices and faces of its convex hull, coarse: for association
-
-    def keypoint_order(self, names: tuple[str, ...]) -> list[int]:
-        """The object's number of each of a detection's key points, -1 for none."""
-        return [self.keypoint_names.index(n) if n in self.keypoint_names else -1 for n in names]
 
     def box(self, camera: Camera, world_from_camera: Pose) -> Floats | None:
         """Its box on the image (x0, y0, x1, y1), px, perhaps beyond it; None if it is not before the camera."""

@@ -1,198 +1,244 @@
-"""Localization in a map of meshes: predict by IMU, associate, correct, gate, smooth (paper, Sec. IV-D)."""
+"""Localization as a robot uses it: frames and IMU samples in, poses out; saved and loaded as a whole."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
-from meshslam.geometry import Camera, Pose, View
-from meshslam.geometry.arrays import Floats
-from meshslam.localization.belief import SmootherBelief
+from meshslam.categories import category_names, load_category
+from meshslam.errors import SequenceError
+from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.graph import StateMarginal
+from meshslam.initialization import EstimationConfig, FirstFrames, settling_seconds
+from meshslam.localization.archive import read_archive, under, write_archive
 from meshslam.localization.config import LocalizationConfig
-from meshslam.localization.correction import Correction, Sighting, correct
-from meshslam.localization.factors import SeenObject, place_camera
-from meshslam.localization.frame_masks import FrameMasks, associate, frame_views, in_view
-from meshslam.localization.gtsam_bridge import adjoint
-from meshslam.localization.imu import Interval, Mounting, NavState, Preintegrator, predict
-from meshslam.localization.known_objects import KnownObject
-from meshslam.localization.smoother import Smoother
-from meshslam.localization.start_factors import start_covariance
-from meshslam.mapping.config import MappingConfig
-from meshslam.perception import Detection
-from meshslam.sequences import ImuSamples
+from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+from meshslam.localization.known_objects import known_objects
+from meshslam.localization.relocalization import MapStart, start_in_map
+from meshslam.localization.stream import Stream
+from meshslam.maps import Map
+from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
+from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
+from meshslam.sequences import ImuSamples, InitialState
 
-_PROCESS_SIGMAS = np.array([0.01] * 3 + [1e-3] * 3)  # what one prediction adds to a frame's pose
+FORMAT = "meshslam-localizer-2"
+NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+class LocalizerSettings(Protocol):
+    """The part of `Config` that localization uses."""
+
+    @property
+    def localization(self) -> LocalizationConfig:
+        """Of localization alone."""
+
+    @property
+    def estimation(self) -> EstimationConfig:
+        """Of IMU, start and smoother."""
+
+    @property
+    def segmentation(self) -> SegmenterConfig:
+        """Of the segmentation network."""
+
+    @property
+    def keypoints(self) -> KeypointConfig:
+        """Of the key point network."""
+
+    @property
+    def tracking(self) -> TrackerConfig:
+        """Of the tracker."""
+
+
+@dataclass(frozen=True)
+class _DefaultSettings:
+    localization: LocalizationConfig = field(default_factory=LocalizationConfig)
+    estimation: EstimationConfig = field(default_factory=EstimationConfig)
+    segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
+    keypoints: KeypointConfig = field(default_factory=KeypointConfig)
+    tracking: TrackerConfig = field(default_factory=TrackerConfig)
 
 
 @dataclass(frozen=True, eq=False)
-class FrameReport:
-    """What one frame brought."""
+class LocalizerState:
+    """Where the camera is.
+
+    Pose, velocity and covariance are None while the localizer has not started: without a given start it looks at the
+    first seconds, finds them in the map, and goes through them at once.
+    """
 
     frame: int
-    predicted: Pose  # world_from_camera by the IMU from the frame before
-    corrected: Pose  # after this frame's update
-    object_of_detection: dict[int, int]
-    refused: tuple[int, ...]  # objects whose views did not agree
-    has_gap: bool
+    time_s: float
+    world_from_camera: Pose | None
+    velocity_in_world: Floats | None  # (3,), of the IMU, m/s
+    covariance: Floats | None  # (6, 6) of world_from_imu, right perturbation, (translation, rotation), m and rad
+    objects: tuple[int, ...]  # of the map, seen in this frame
+    moved: tuple[int, ...]  # objects that were found moved so far
+    has_imu_gap: bool = False
+
+    @property
+    def is_started(self) -> bool:
+        """Whether there is a pose."""
+        return self.world_from_camera is not None
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    number: int
+    time_s: float
+    detections: tuple[Detection, ...]
+
+
 class Localizer:
-    """The camera in a known map; feed it frames in the order of their times."""
+    """The camera in a known map, frame by frame, by an IMU and the objects that frames show.
 
-    camera: Camera
-    objects: Sequence[KnownObject]
-    mounting: Mounting
-    keypoint_names: Mapping[str, tuple[str, ...]]
-    config: LocalizationConfig
-    path: dict[int, Pose] = field(default_factory=dict)  # world_from_camera of every frame, as last seen
-    moved: dict[int, int] = field(default_factory=dict)  # object to the frame at which it was found moved
+    Frames bring images, detections, or both; images are undistorted, BGR (h, w, 3). The world is the map's, z up.
 
-    def __post_init__(self) -> None:
-        self._preintegrator = Preintegrator(self.config.imu)
-        self._smoother = Smoother(self.config.imu, self.config.start, self.config.smoother, self.mounting)
-        self._noise = replace(self.config.noise, keypoint_position_sigma_m=self.config.keypoint_position_sigma_m)
-        self._views = MappingConfig(edge_margin_px=self.config.edge_margin_px, crop_margin=0.2)
-        self._state: NavState | None = None
-        self._covariance = np.zeros((6, 6))
-        self._refusals: dict[int, int] = {}
+    Example:
+        localizer = Localizer(drive.camera, Map.load("run"), imu_from_camera=drive.imu_from_camera)
+        state = localizer.process(time_s=12.3, imu=samples, detections=detections)
 
-    def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
-        """The first frame, whose state is known."""
-        rate = np.array([np.interp(state.time_s, imu.times_s, c) for c in imu.angular_rate_rad_s.T])
-        self._smoother.begin(state, rate)
-        self._frame_ids = [frame]
-        covariance = start_covariance(self.config.start, state.world_from_imu)
-        return self._see(frame, state, rate, covariance, detections, has_gap=False)
+    """
 
-    def process(self, frame: int, time_s: float, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
-        """The next frame, `imu` holding the samples since the last one."""
-        assert self._state is not None
-        last = self._state
-        interval = self._preintegrator.between(imu, last.time_s, time_s, last)
-        state = predict(last, interval, time_s)
-        self._smoother.advance(state, interval)
-        self._frame_ids.append(frame)
-        covariance = self._carried(last, state, interval)
-        return self._see(frame, state, interval.angular_rate_rad_s, covariance, detections, has_gap=interval.has_gap)
-
-    def first_state(self) -> NavState:
-        """The first frame's state as it is now seen, while the lag still holds it."""
-        return self._smoother.estimate(0).state
-
-    @property
-    def current_mounting(self) -> Mounting:
-        """How the camera is mounted, as it is now seen."""
-        return self._smoother.mounting()
-
-    @property
-    def velocity_and_covariance(self) -> tuple[Floats, Floats]:
-        """The newest velocity (3,) of the IMU, and the covariance (6, 6) of its pose."""
-        assert self._state is not None
-        return self._state.velocity_in_world, self._covariance
-
-    def belief(self) -> SmootherBelief:
-        """All that is believed of the newest state; the window ends with this."""
-        return self._smoother.belief()
-
-    def resume(self, belief: SmootherBelief) -> None:
-        """Go on from what was believed."""
-        self._smoother.resume(belief)
-        self._frame_ids = [-1]
-        self._state = belief.state
-        self._covariance = self._smoother.pose_covariance(0)
-
-    def _carried(self, last: NavState, state: NavState, interval: Interval) -> Floats:
-        """Covariance of the predicted pose: the last one moved along, with the uncertainty of velocity and IMU."""
-        step = state.world_from_imu.inverse() @ last.world_from_imu
-        moved = adjoint(step) @ self._covariance @ adjoint(step).T
-        added = interval.measurements.preintMeasCov()[:6, :6]
-        grown = np.diag(np.square(_PROCESS_SIGMAS))
-        grown[:3, :3] += added[3:6, 3:6]
-        grown[3:, 3:] += added[:3, :3]
-        return moved + grown
-
-    def _see(
+    def __init__(
         self,
-        frame: int,
-        state: NavState,
-        rate: Floats,
-        covariance: Floats,
-        detections: tuple[Detection, ...],
+        camera: Camera,
+        map: Map,
         *,
-        has_gap: bool,
-    ) -> FrameReport:
-        mounting = self._smoother.mounting() if self._state is not None else self.mounting
-        place = place_camera(
-            state.world_from_imu,
-            state.velocity_in_world,
-            mounting.imu_from_camera,
-            mounting.time_offset_s,
-            rate - state.gyroscope_bias,
+        imu_from_camera: Pose,
+        start: InitialState | None = None,
+        segmenter: Segmenter | Path | str | None = None,
+        keypoint_names: Mapping[str, Sequence[str]] | None = None,
+        config: LocalizerSettings | None = None,
+        source: str = "stream",
+    ) -> None:
+        """`keypoint_names` are their order in given detections, by category; the shipped categories' own if not given.
+
+        Without a `start` the first seconds are looked for in the map. `source` is what messages call the stream.
+        """
+        self._settings, self._given_start, self._source = config or _DefaultSettings(), start, source
+        self._camera, self._imu_from_camera, self._objects = camera, imu_from_camera, known_objects(map)
+        self._names = _shipped_names() if keypoint_names is None else {k: tuple(v) for k, v in keypoint_names.items()}
+        settings = self._settings
+        self._perception = FramePerception(segmenter, settings.segmentation, settings.keypoints, settings.tracking)
+        self._stream = Stream()
+        self._waiting: list[_Frame] = []
+        self._estimator: LocalizationEstimator | None = None
+        self._moved: dict[int, int] = {}
+
+    def process(
+        self,
+        *,
+        time_s: float,
+        image: Bytes | None = None,
+        imu: ImuSamples | None = None,
+        detections: Sequence[Detection] | None = None,
+        frame: int | None = None,
+    ) -> LocalizerState:
+        """Take the next frame, with the IMU samples since the last one.
+
+        `detections` are used as they are; `frame` is its number, counted on if it is not given. SequenceError if time
+        does not go on, or if the map explains nothing of the first seconds.
+        """
+        number = self._stream.next_number if frame is None else frame
+        self._stream.take(number, time_s, NO_SAMPLES if imu is None else imu)
+        given = _Frame(number, time_s, self._perception.process(number, image, detections))
+        if self._estimator is not None:
+            return self._step(given)
+        self._waiting.append(given)
+        return self._begin() if self._suffices() else LocalizerState(number, time_s, None, None, None, (), ())
+
+    def save(self, path: Path) -> None:
+        """Write the newest state with its joint covariance, and which objects moved (.npz).
+
+        The smoothing of the last seconds ends here; what they say of the newest state is kept. It goes on here, and
+        where it is loaded, in the same way. SequenceError before it has started.
+        """
+        if self._estimator is None:
+            raise SequenceError("nothing to save: no frame was processed yet, or localization has not started")
+        marginal, moved = self._estimator.marginal(), sorted(self._estimator.moved.items())
+        plain = {"last_s": self._stream.last_s, "next_number": self._stream.next_number, "moved": moved}
+        arrays: dict[str, Any] = {"own": np.array(json.dumps(plain))}
+        arrays |= {f"marginal_{k}": v for k, v in marginal.arrays().items()}
+        arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
+        write_archive(path, FORMAT, self._stream.samples(), arrays)
+        self._fill(arrays, self._stream.samples())
+
+    @classmethod
+    def load(cls, path: Path | str, camera: Camera, map: Map, **told: Any) -> Localizer:  # noqa: ANN401 # as given
+        """Go on where `save` ended; `told` as when it was made. MapError if the file is none of its."""
+        imu, arrays = read_archive(Path(path), FORMAT)
+        localizer = cls(camera, map, **told)
+        localizer._fill(arrays, imu)
+        return localizer
+
+    def _fill(self, arrays: Mapping[str, Any], imu: ImuSamples) -> None:
+        plain = json.loads(str(arrays["own"]))
+        self._stream.restore(imu, plain["last_s"], plain["next_number"])
+        self._perception.fill(under("perception_", arrays))
+        self._estimator = self._fresh(self._settings.estimation)
+        self._estimator.moved = {int(n): int(f) for n, f in plain["moved"]}
+        self._estimator.resume(StateMarginal.from_arrays(under("marginal_", arrays)))
+
+    def _fresh(self, estimation: EstimationConfig) -> LocalizationEstimator:
+        mounting, config = Mounting(self._imu_from_camera), self._settings.localization
+        return LocalizationEstimator(self._camera, self._objects, mounting, self._names, estimation, config)
+
+    def _suffices(self) -> bool:
+        if self._given_start is not None:
+            return True
+        estimation = self._settings.estimation
+        unknown, lag_s = estimation.unknown_start, estimation.smoother.lag_s
+        seconds = max(unknown.alignment.seconds, settling_seconds(unknown, lag_s))
+        return self._waiting[-1].time_s - self._waiting[0].time_s > seconds
+
+    def _begin(self) -> LocalizerState:
+        """Find the first state, and go through the frames that waited for it."""
+        state, estimation = self._start()
+        self._estimator = self._fresh(estimation)
+        first, *rest = self._waiting
+        self._waiting = []
+        report = self._estimator.begin(first.number, state, self._stream.samples(), first.detections)
+        reached = self._reported(first, report)
+        for frame in rest:
+            reached = self._step(frame)
+        return reached
+
+    def _start(self) -> tuple[NavState, EstimationConfig]:
+        imu, estimation, given = self._stream.samples(), self._settings.estimation, self._given_start
+        first = self._waiting[0]
+        if given is not None:
+            pose, velocity, rate = given.world_from_camera, given.velocity_in_world, rate_at(imu, first.time_s)
+            return state_of_camera(first.time_s, pose, velocity, rate, self._imu_from_camera), estimation
+        frames = FirstFrames(
+            self._camera,
+            tuple(f.number for f in self._waiting),
+            np.array([f.time_s for f in self._waiting]),
+            None,
+            self._source,
         )
-        camera_covariance = place.by_imu @ covariance @ place.by_imu.T
-        usable = tuple(d for d in detections if max(d.bbox[2:]) >= self.config.minimum_box_px)
-        masks = FrameMasks(self.camera, usable)
-        matched, views = self._match(masks, place.pose)
-        sightings = self._sightings(matched, views)
-        kept, refused, corrected = self._agreeing(place.pose, camera_covariance, sightings)
-        self._smoother.start_at(corrected)
-        self._count([matched[k].id for k in refused], [matched[k].id for k in kept], frame)
-        for detection_id in kept:
-            thing, sighting = matched[detection_id], sightings[detection_id]
-            self._smoother.see(sighting.seen, thing.id, thing.world_from_object, sighting.covariance)
-        self._smoother.update()
-        self._remember()
-        ids = {k: matched[k].id for k in kept}
-        gone = tuple(sorted(matched[k].id for k in refused))
-        return FrameReport(frame, place.pose, self.path[frame], ids, gone, has_gap)
+        by_frame = {f.number: f.detections for f in self._waiting}
+        tracked = [d for f in self._waiting for d in f.detections]
+        seen = MapStart(frames, imu, self._imu_from_camera, by_frame, tracked, self._names)
+        return start_in_map(seen, self._objects, self._fresh, estimation, self._settings.localization)
 
-    def _match(self, masks: FrameMasks, pose: Pose) -> tuple[dict[int, KnownObject], dict[int, View]]:
-        usable = [o for o in self.objects if o.id not in self.moved]
-        expected = in_view(self.camera, pose, usable, self.config.association.largest_distance_m)
-        matched = associate(masks, pose, expected, self.config.association)
-        return matched, frame_views(masks, pose, matched, expected, self.keypoint_names, self._views)
+    def _step(self, frame: _Frame) -> LocalizerState:
+        assert self._estimator is not None
+        report = self._estimator.process(frame.number, frame.time_s, self._stream.samples(), frame.detections)
+        self._stream.forget_before(frame.time_s)
+        return self._reported(frame, report)
 
-    def _sightings(self, matched: Mapping[int, KnownObject], views: Mapping[int, View]) -> dict[int, Sighting]:
-        found = {}
-        for detection_id, view in views.items():
-            thing = matched[detection_id]
-            seen = SeenObject(thing.model, view, self._noise, self.camera.fx)
-            covariance = thing.pose_covariance if self.config.use_map_covariance else None
-            found[detection_id] = Sighting(seen, thing.world_from_object, covariance)
-        return found
+    def _reported(self, frame: _Frame, report: FrameReport) -> LocalizerState:
+        assert self._estimator is not None
+        velocity, covariance = self._estimator.velocity_and_covariance
+        seen, moved = sorted(report.object_of_detection.values()), sorted(self._estimator.moved)
+        at = (frame.number, frame.time_s, report.corrected, velocity, covariance)
+        return LocalizerState(*at, tuple(seen), tuple(moved), report.has_gap)
 
-    def _agreeing(
-        self, pose: Pose, covariance: Floats, sightings: Mapping[int, Sighting]
-    ) -> tuple[list[int], list[int], Pose]:
-        """Detections whose views agree, the worst left out until all do; those left out; the pose then."""
-        kept, refused, corrected = dict(sightings), [], pose
-        while kept:
-            found: Correction = correct(pose, covariance, kept)
-            corrected = found.world_from_camera
-            worst = max(found.cost_shares, key=lambda k: found.cost_shares[k])
-            if found.cost_shares[worst] <= self.config.gate.largest_cost:
-                break
-            refused.append(worst)
-            del kept[worst]
-        return list(kept), refused, corrected if kept else pose
 
-    def _count(self, refused: list[int], agreed: list[int], frame: int) -> None:
-        """An object whose views are refused again and again was moved: what it said in the window is taken back."""
-        for number in agreed:
-            self._refusals[number] = 0
-        for number in refused:
-            self._refusals[number] = self._refusals.get(number, 0) + 1
-            if self._refusals[number] >= self.config.gate.moved_views:
-                self.moved[number] = frame
-                self._smoother.forget(number)
-
-    def _remember(self) -> None:
-        """Take over what the smoother now says of the frames that it holds."""
-        for index in self._smoother.frames:
-            self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
-        self._state = self._smoother.estimate(self._smoother.frame).state
-        self._covariance = self._smoother.pose_covariance(self._smoother.frame)
-        self._smoother.close()
+def _shipped_names() -> dict[str, tuple[str, ...]]:
+    return {name: load_category(name).keypoint_names for name in category_names()}

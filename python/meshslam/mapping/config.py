@@ -1,86 +1,21 @@
-"""What mapping can be told."""
+"""Which tracks become objects of the map."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
-
-from meshslam.geometry import NoiseModel
-from meshslam.mapping.camera_rotations import RotationConfig
-
-
-@dataclass(frozen=True)
-class GradientConfig:
-    """Weights, steps and iterations of the paper's solver, which leaves them open; each step falls to 0 along a cosine.
-
-    Steps are what a gradient of one a radian, a metre (pose) or one a metre at one vertex moves.
-    """
-
-    max_views: int = 8
-    keypoint_min_score: float = 0.5  # quality q_lt above which key points are collected
-    mask_weight: float = 1.0
-    keypoint_weight: float = 1e-4  # 1/px^2
-    curvature_weight: float = 1.0  # 1/m^2
-    pose_iterations: int = 100
-    rotation_step: float = 0.002  # rad^2
-    position_step: float = 0.005  # m^2
-    shape_iterations: int = 300
-    vertex_step: float = 0.06  # m^2
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class MappingConfig:
     """Settings of mapping; lengths in metres, pixels where the name says so."""
 
-    solver: Literal["residuals", "gradient"] = "residuals"  # second order on the outline, or the paper's
-    gradient: GradientConfig = field(default_factory=GradientConfig)
-
-    noise: NoiseModel = field(default_factory=NoiseModel)
-    estimate_noise: bool = True  # the border's sigma and correlation length, from the first fits
-    rotations: RotationConfig = field(default_factory=RotationConfig)
-    # which tracks become objects
     min_views: int = 3  # or as many as the sequence has frames
     min_box_px: float = 36.0  # width of the widest box of a track
     min_mask_iou: float = 0.60  # drawn mesh against masks, mean over the views used
     max_distance_m: float = 45.0
-    # which views of a track are used
-    max_views: int = 16
-    start_views: int = 4  # of these, for the search of the start
-    view_min_box_px: float = 24.0
-    # masks
-    border_step_px: float = 6.0  # spacing of border points; their errors are correlated over some 25
-    edge_margin_px: int = 10  # a border this near to the image's edge is not the object's own
-    occluder_margin_px: int = 3  # nor one this near to an occluder
-    crop_margin: float = 0.25  # of the box's size, around it
-    # key points
-    keypoint_min_score: float = 0.3
-    keypoint_sigma_share: float = 0.02  # of the box's larger side
-    keypoint_min_sigma_px: float = 1.5
-    # the road
-    use_ground: bool = True
-    ground_height_sigma_m: float = 0.08  # where the camera has been
-    ground_slope_sigma: float = 0.03  # more for every metre away from there
-    ground_tilt_sigma_rad: float = 0.03
-    # the search of the start
-    start_yaws: int = 16
-    start_candidates: int = 4
-    start_overlap: float = 0.7  # mask IoU of a start from key points that makes the search of headings needless
-    start_margin: float = 50.0  # cost by which the mean mesh may fit worse than at the best start,
-    start_margin_share: float = 1.0  # and this share of the best more: the noise is not known yet
-    # objects that move, and one object seen as two
-    max_speed_m_s: float = 1.5
-    motion_gain: float = 25.0  # by which the cost must fall with the motion
     max_height_over_road_m: float = 0.45  # or four of the road's sigmas
     max_shape_cost: float = 50.0  # half the squared length of z: 10 on average, with 20 modes
-    merge_distance_m: float = 1.5
-    free_form_views: int = 3  # that free form needs
+    merge_distance_m: float = 1.5  # two objects nearer than this are one
+    use_ground: bool = True  # the road below the camera's path holds the objects' wheels
+    estimate_noise: bool = True  # the border's sigma and correlation length, from the first fits
     passes: int = 2  # the second knows the others' depth and shape
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A track that did not become an object, and why."""
-
-    track: int
-    reason: str
-    detail: str = ""

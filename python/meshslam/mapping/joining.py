@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.mapping.config import LeftOut
+from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.judgement import same_place
-from meshslam.mapping.occlusion import Occluders
-from meshslam.mapping.reconstruct import Scene
-from meshslam.mapping.track import Track
+from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, first_pass, mean_iou
+from meshslam.objects import Occluders, Scene, Track
 from meshslam.perception import DetectionSet
 
 
 def join_tracks(
-    work: list[Work], detections: DetectionSet, scene: Scene, occluders: Occluders, *, fixed_tracks: bool
+    work: list[Work],
+    detections: DetectionSet,
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    *,
+    fixed_tracks: bool,
 ) -> tuple[DetectionSet, list[Work], list[LeftOut]]:
     """Join tracks that turn out to be one object; tracks that were given stay as they are."""
     if fixed_tracks:
         return detections, work, []
     left_out: list[LeftOut] = []
     work = list(work)
-    while (pair := same_place(work, scene)) is not None:
+    while (pair := same_place(work, scene, config)) is not None:
         first, second = (work[i] for i in pair)
         keep, give = (first, second) if len(first.observed.views) >= len(second.observed.views) else (second, first)
         joined, moved = _joined_track(keep, give, detections)

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.mapping.config import LeftOut
-from meshslam.mapping.reconstruct import Scene, centred, height_over_road_m, motion
+from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, each, mean_iou
+from meshslam.objects import Scene, centred, height_over_road_m, motion
 
 
-def without_unfit(work: list[Work], scene: Scene, *, judge_shape: bool = True) -> tuple[list[Work], list[LeftOut]]:
+def without_unfit(
+    work: list[Work], scene: Scene, config: MappingConfig, *, judge_shape: bool = True
+) -> tuple[list[Work], list[LeftOut]]:
     """Those that are parked objects of the category, and why the others are not."""
-    reasons = each("check", lambda w: why_unfit(w, scene, judge_shape=judge_shape), work, None)
+    reasons = each("check", lambda w: why_unfit(w, scene, config, judge_shape=judge_shape), work, None)
     kept = [w for w, reason in zip(work, reasons, strict=True) if reason is None]
     return kept, [reason for reason in reasons if reason is not None]
 
 
-def why_unfit(work: Work, scene: Scene, *, judge_shape: bool = True) -> LeftOut | None:
+def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: bool = True) -> LeftOut | None:
     """Why an estimate is no parked object of the category, if it is none."""
-    config, track = scene.config, work.observed.track
+    track = work.observed.track
     distance = min(
         float(np.linalg.norm(pose.translation - work.found.state.world_from_object.translation))
         for pose in track.world_from_camera
@@ -50,10 +53,10 @@ def _moves(work: Work, scene: Scene) -> str | None:
     return f"its views agree with {speed:.1f} m/s (cost lower by {gain:.0f}), not with one place" if moving else None
 
 
-def without_duplicates(work: list[Work], scene: Scene) -> tuple[list[Work], list[LeftOut]]:
+def without_duplicates(work: list[Work], scene: Scene, config: MappingConfig) -> tuple[list[Work], list[LeftOut]]:
     """Of two objects in one place, keep the one that is seen in more views."""
     left_out: list[LeftOut] = []
-    while (pair := same_place(work, scene)) is not None:
+    while (pair := same_place(work, scene, config)) is not None:
         first, second = (work[i] for i in pair)
         give = second if len(first.observed.views) >= len(second.observed.views) else first
         keep = first if give is second else second
@@ -63,11 +66,11 @@ def without_duplicates(work: list[Work], scene: Scene) -> tuple[list[Work], list
     return work, left_out
 
 
-def same_place(work: list[Work], scene: Scene) -> tuple[int, int] | None:
+def same_place(work: list[Work], scene: Scene, config: MappingConfig) -> tuple[int, int] | None:
     """The first two that stand in one place."""
     places = [centred(scene.model, w.found.state).world_from_object.translation for w in work]
     for i, a in enumerate(places):
         for j in range(i + 1, len(places)):
-            if float(np.linalg.norm(a - places[j])) < scene.config.merge_distance_m:
+            if float(np.linalg.norm(a - places[j])) < config.merge_distance_m:
                 return i, j
     return None

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from meshslam.categories import Category
-from meshslam.geometry import ObjectModel, ObjectState
-from meshslam.mapping.config import LeftOut, MappingConfig
-from meshslam.mapping.frames import Frames
-from meshslam.mapping.ground import road_points
+from meshslam.geometry import ObjectState, Pose
+from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import without_duplicates, without_unfit
-from meshslam.mapping.noise import estimated_noise
-from meshslam.mapping.occlusion import Occluders, Placed
-from meshslam.mapping.reconstruct import Observed, Scene, centred, fit_free_form, fit_modes, uncertainty
+from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import Progress, Work, by_gradient, each, first_pass, fit_again, mean_iou, next_pass
-from meshslam.maps import Map, MapObject
+from meshslam.maps import CameraPath, Map, MapObject
+from meshslam.objects import (
+    ObjectConfig,
+    Occluders,
+    Placed,
+    Scene,
+    TrackObservations,
+    category_model,
+    centred,
+    estimated_noise,
+    fit_free_form,
+    fit_modes,
+    road_points,
+    uncertainty,
+)
 from meshslam.perception import DetectionSet
 
 _DEFAULT_CAMERA_HEIGHT_M = 1.65
@@ -36,7 +47,7 @@ class Stages:
 
 
 @dataclass(frozen=True, eq=False)
-class Mapping:
+class ObjectMapping:
     """What mapping found."""
 
     map: Map
@@ -47,32 +58,37 @@ class Mapping:
 
 
 def map_objects(
-    frames: Frames,
+    frames: CameraPath,
     detections: DetectionSet,
     category: Category,
+    objects: ObjectConfig,
     config: MappingConfig,
     *,
+    starts: Mapping[int, Pose] | None = None,
     fixed_tracks: bool = False,
     progress: Progress | None = None,
-) -> Mapping:
+) -> ObjectMapping:
     """Estimate pose and shape of every parked object of `category` that the tracks show.
 
-    `fixed_tracks`: track ids were given, so that no two are joined. Objects that move, are seen too little or do not
+    `starts`: where objects of some tracks are known to stand, so that no start is searched for. `fixed_tracks`: track
+    ids were given, so that no two are joined. Objects that move, are seen too little or do not
     fit their masks are left out, with the reason.
     """
-    scene = make_scene(frames, detections, category, config)
-    tracks, left_out = usable_tracks(frames, detections, category.name, config)
+    scene = make_scene(frames, detections, category, objects, use_ground=config.use_ground)
+    tracks, left_out = usable_tracks(frames, detections, category.name, config, objects.min_view_box_px)
 
-    occluders = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame())
-    if config.solver == "gradient":
+    occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
+    if objects.solver == "gradient":
         work = each("descend", lambda t: by_gradient(t, scene, occluders), tracks, progress)
-        return _mapping(work, left_out, detections, scene, progress)
-    work = each("initialize", lambda t: first_pass(t, scene, occluders), tracks, progress)
-    scene = with_noise_of(scene, work)
+        return _mapping(work, left_out, detections, scene, config, progress)
+    work = each("initialize", lambda t: first_pass(t, scene, occluders, known.get(t.id)), tracks, progress)
+    scene = with_noise_of(scene, work) if config.estimate_noise else scene
     work = each("fit", lambda w: fit_again(w, scene), work, progress)
-    work, gone = without_unfit(work, scene, judge_shape=False)  # the next pass knows what hides it, and may mend it
+    work, gone = without_unfit(
+        work, scene, config, judge_shape=False
+    )  # the next pass knows what hides it, and may mend it
     left_out += gone
-    detections, work, gone = join_tracks(work, detections, scene, occluders, fixed_tracks=fixed_tracks)
+    detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
 
     for number in range(1, config.passes):
@@ -80,47 +96,40 @@ def map_objects(
         again = partial(next_pass, scene=scene, earlier=occluders, occluders=placed)
         work, occluders = each(f"refine {number}", again, work, progress), placed
     work = each("shape", lambda w: Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
-    return _mapping(work, left_out, detections, scene, progress)
+    return _mapping(work, left_out, detections, scene, config, progress)
 
 
 def _mapping(
-    work: list[Work], left_out: list[LeftOut], detections: DetectionSet, scene: Scene, progress: Progress | None
-) -> Mapping:
+    work: list[Work],
+    left_out: list[LeftOut],
+    detections: DetectionSet,
+    scene: Scene,
+    config: MappingConfig,
+    progress: Progress | None,
+) -> ObjectMapping:
     """What fits and stands in a place of its own, with its uncertainty."""
-    work, unfit = without_unfit(work, scene)
-    work, doubled = without_duplicates(work, scene)
+    work, unfit = without_unfit(work, scene, config)
+    work, doubled = without_duplicates(work, scene, config)
     left_out = left_out + unfit + doubled
     objects = each("uncertainty", lambda w: _map_object(w, scene), work, progress)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     ious = _stage_ious(work, scene)
-    return Mapping(Map(tuple(objects)), detections, tuple(sorted(left_out, key=lambda r: r.track)), stages, ious)
+    return ObjectMapping(Map(tuple(objects)), detections, tuple(sorted(left_out, key=lambda r: r.track)), stages, ious)
 
 
-def make_scene(frames: Frames, detections: DetectionSet, category: Category, config: MappingConfig) -> Scene:
+def make_scene(
+    frames: CameraPath, detections: DetectionSet, category: Category, config: ObjectConfig, *, use_ground: bool
+) -> Scene:
     """Gather what all objects of a category share."""
     model = category_model(category)
     height = frames.height_above_ground_m or _DEFAULT_CAMERA_HEIGHT_M
-    road = road_points(frames.world_from_camera, height) if config.use_ground else None
+    road = road_points(frames.world_from_camera, height) if use_ground else None
     return Scene(frames.camera, category, model, detections.keypoint_names(category.name), road, config)
-
-
-def category_model(category: Category) -> ObjectModel:
-    """The observation model of a category's objects."""
-    return ObjectModel(
-        category.vertices,
-        category.faces,
-        category.modes,
-        category.mirror,
-        category.keypoint_weights,
-        category.wheel_vertices,
-    )
 
 
 def with_noise_of(scene: Scene, work: list[Work]) -> Scene:
     """The scene with the noise of its masks' borders, from what the first fits leave over."""
     config = scene.config
-    if not config.estimate_noise:
-        return scene
     step = config.noise.outline_step_px
     over = [d for w in work for d in scene.model.border_distances_px(w.observed.views, w.found.state, step)]
     noise = estimated_noise(over, config.border_step_px, config.noise)
@@ -175,6 +184,6 @@ def _single_frame_iou(work: Work, scene: Scene) -> float:
     sizes = [d.bbox[2] * d.bbox[3] for d in work.observed.track.detections]
     best = [int(np.argmax(sizes))]
     track, views = work.observed.track.subset(best), [work.observed.views[i] for i in best]
-    alone = Observed(track, views, track, views)
+    alone = TrackObservations(track, views, track, views)
     [found] = fit_modes(alone, scene, [work.found.start.world_from_object])
     return mean_iou(replace(work, observed=alone), scene, found.state)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from meshslam.mapping.config import LeftOut, MappingConfig
-from meshslam.mapping.frames import Frames
-from meshslam.mapping.track import Track
+from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.left_out import LeftOut
+from meshslam.maps import CameraPath
+from meshslam.objects import Track
 from meshslam.perception import Detection, DetectionSet, voted_category
 
 
 def usable_tracks(
-    frames: Frames, detections: DetectionSet, category: str, config: MappingConfig
+    frames: CameraPath, detections: DetectionSet, category: str, config: MappingConfig, min_view_box_px: float
 ) -> tuple[list[Track], list[LeftOut]]:
     """Tracks of the category with enough views of enough size, and the others with the reason."""
     at = {frame: i for i, frame in enumerate(frames.frame_ids)}
@@ -21,13 +22,13 @@ def usable_tracks(
         kind = voted_category(found)
         seen = _one_a_frame([d for d in found if d.frame in at])
         widest = max((d.bbox[2] for d in seen), default=0.0)
-        views = sum(d.bbox[2] >= config.view_min_box_px for d in seen)
+        views = sum(d.bbox[2] >= min_view_box_px for d in seen)
         if kind != category:
             left_out.append(LeftOut(number, "other category", f"most of its detections say {kind}"))
         elif widest < config.min_box_px:
             left_out.append(LeftOut(number, "too small", f"at most {widest:.0f} px wide"))
         elif views < needed:
-            wide = f"at least {config.view_min_box_px:.0f} px wide"
+            wide = f"at least {min_view_box_px:.0f} px wide"
             left_out.append(LeftOut(number, "too few views", f"{views} {wide} of {needed} needed"))
         else:
             index = [at[d.frame] for d in seen]

@@ -10,21 +10,23 @@ from typing import TypeVar
 
 import numpy as np
 
-from meshslam.geometry import ObjectState
-from meshslam.mapping.gradient_descent import reconstruct_by_gradient
-from meshslam.mapping.initialize import flipped
-from meshslam.mapping.occlusion import Occluders
-from meshslam.mapping.reconstruct import (
-    Observed,
+from meshslam.geometry import ObjectState, Pose
+from meshslam.objects import (
+    Occluders,
     Reconstruction,
     Scene,
+    Track,
+    TrackObservations,
     cheapest,
+    choose_views,
     fit_modes,
+    flipped,
+    make_views,
     reconstruct,
+    reconstruct_by_gradient,
     refit,
     with_surface_error,
 )
-from meshslam.mapping.track import Track, choose_views, make_views
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
@@ -35,7 +37,7 @@ Progress = Callable[[str, int, int], None]  # what is done, how many are done, o
 class Work:
     """An object on its way into the map."""
 
-    observed: Observed
+    observed: TrackObservations
     found: Reconstruction
 
 
@@ -58,7 +60,7 @@ def mean_iou(work: Work, scene: Scene, state: ObjectState | None = None) -> floa
     return float(ious.mean())
 
 
-def observe(track: Track, scene: Scene, occluders: Occluders) -> Observed:
+def observe(track: Track, scene: Scene, occluders: Occluders) -> TrackObservations:
     """Choose a track's views and make them."""
     config = scene.config
     chosen = track.subset(choose_views(track, config.max_views, config))
@@ -66,10 +68,12 @@ def observe(track: Track, scene: Scene, occluders: Occluders) -> Observed:
         chosen, scene.model, scene.category, scene.keypoint_names, scene.camera, occluders.before, config
     )
     start = choose_views(chosen, config.start_views, config)
-    return Observed(chosen, views, chosen.subset(start), [views[i] for i in start])
+    return TrackObservations(chosen, views, chosen.subset(start), [views[i] for i in start])
 
 
-def observe_again(observed: Observed, scene: Scene, earlier: Occluders, occluders: Occluders) -> Observed:
+def observe_again(
+    observed: TrackObservations, scene: Scene, earlier: Occluders, occluders: Occluders
+) -> TrackObservations:
     """The same views, those made anew that something else hides now."""
     track, views = observed.track, list(observed.views)
     changed = [i for i, d in enumerate(track.detections) if not np.array_equal(earlier.before(d), occluders.before(d))]
@@ -81,10 +85,10 @@ def observe_again(observed: Observed, scene: Scene, earlier: Occluders, occluder
     return replace(observed, views=views)
 
 
-def first_pass(track: Track, scene: Scene, occluders: Occluders) -> Work:
-    """Start, pose and modes, with occluders that the masks alone tell."""
+def first_pass(track: Track, scene: Scene, occluders: Occluders, start: Pose | None = None) -> Work:
+    """Start, pose and modes, with occluders that the masks alone tell; a start that is known is not searched for."""
     observed = observe(track, scene, occluders)
-    return Work(observed, reconstruct(observed, scene))
+    return Work(observed, reconstruct(observed, scene, start))
 
 
 def by_gradient(track: Track, scene: Scene, occluders: Occluders) -> Work:

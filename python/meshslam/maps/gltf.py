@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from meshslam.geometry.arrays import Bytes, Floats, Ints
+from meshslam.geometry import Bytes, Floats, Ints
 from meshslam.maps.atomic import write_atomically
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject

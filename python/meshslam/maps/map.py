@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from meshslam.errors import GeometryError, MapError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import AnyArray, Floats
+from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.atomic import remove_leftovers, write_together
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
@@ -22,8 +21,17 @@ FORMAT, VERSION = "meshslam-map", 1
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
-    """Objects in one world, sorted by id."""
+class Map(Mapping[int, MapObject]):
+    """Objects in one world, by their ids, in ascending order: a mapping of id to MapObject.
+
+    MapError for two objects of one id.
+
+    Example:
+        scene = Map.load("run")
+        scene[3].vertices_in_world  # (V, 3), metres
+        [number for number, thing in scene.items() if thing.category == "car"]
+
+    """
 
     objects: tuple[MapObject, ...]
 
@@ -35,6 +43,15 @@ class Map:
 
     def __len__(self) -> int:
         return len(self.objects)
+
+    def __iter__(self) -> Iterator[int]:
+        return (thing.id for thing in self.objects)
+
+    def __getitem__(self, number: int) -> MapObject:
+        for thing in self.objects:
+            if thing.id == number:
+                return thing
+        raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
 
     def save(self, folder: Path) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
@@ -116,7 +133,7 @@ def _sigma_summary(thing: MapObject) -> dict[str, Any] | None:
     return {name: _numbers(float(value)) for name, value in figures.items()}
 
 
-def _numbers(values: AnyArray | float) -> Any:  # noqa: ANN401 # a number, or nested lists of them
+def _numbers(values: AnyArray | float) -> Any:  # a number, or nested lists of them  # noqa: ANN401 # a number, or nested lists of them
     """Round, and give plain numbers, never -0."""
     return (np.round(np.asarray(values, float), DECIMALS) + 0.0).tolist()
 
@@ -170,7 +187,7 @@ def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
     return _named(file, lambda: MapObject(**fields)).recentred()
 
 
-def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 # as JSON has it
+def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # as JSON has it  # noqa: ANN401 # as JSON has it
     if entry.get(key) is None:
         raise MapError(f"{where}: {key}: key is missing")
     return entry[key]

@@ -8,8 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from meshslam.errors import MapError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry import Bools, Floats, Ints, Pose
 
 CENTRE_TOLERANCE_M = 1e-6
 
@@ -48,6 +47,11 @@ class MapObject:
         return size
 
     @property
+    def covariance(self) -> Floats | None:
+        """Covariance (6, 6) of the pose: `pose_covariance`."""
+        return self.pose_covariance
+
+    @property
     def vertices_in_world(self) -> Floats:
         """The mesh's vertices (V, 3), metres."""
         return self.world_from_object.transform(self.vertices)
@@ -69,9 +73,7 @@ class MapObject:
 
 def _moved_covariance(covariance: Floats, origin: Floats) -> Floats:
     """Covariance of a right perturbation about another origin (3,) of the same frame: Exp(d) T = T Exp(Ad(T⁻¹) d)."""
-    x, y, z = origin
-    adjoint = np.eye(6)
-    adjoint[:3, 3:] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    adjoint = Pose(np.eye(3), origin).inverse().adjoint()
     moved: Floats = adjoint @ covariance @ adjoint.T
     return moved
 

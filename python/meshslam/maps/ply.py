@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from meshslam.errors import MapError
-from meshslam.geometry.arrays import AnyArray, Bools, Floats, Ints
+from meshslam.geometry import AnyArray, Bools, Floats, Ints
 
 DECIMALS = 9
 

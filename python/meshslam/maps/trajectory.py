@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import MapError, SequenceError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.maps.atomic import write_atomically
-from meshslam.sequences.report import Report
-from meshslam.sequences.tum import format_tum, read_tum
+from meshslam.sequences import Report, format_tum, read_tum
 
 
 @dataclass(frozen=True, eq=False)

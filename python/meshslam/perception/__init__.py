@@ -1,21 +1,57 @@
 """Segmentation, tracking, and detections in and out."""
 
-from meshslam.perception.colour import ColourConfig, ColourSegmenter
+from meshslam.perception.boxes import are_near, nearness_on_ground
+from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
+from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
+from meshslam.perception.conversion.coco_results import from_coco_results
+from meshslam.perception.conversion.frames import ImageFrames
+from meshslam.perception.conversion.mots import from_mots_png, from_mots_txt
+from meshslam.perception.conversion.openpifpaf import with_openpifpaf
+from meshslam.perception.conversion.yolo_txt import from_yolo_txt
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry, write_detections
+from meshslam.perception.flow import corners, follow, grey
+from meshslam.perception.frame_perception import FramePerception
 from meshslam.perception.instances import Instance, Segmenter, SegmenterConfig
+from meshslam.perception.keypoints.crop import GREY, HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
+from meshslam.perception.keypoints.decode import (
+    ANGLES,
+    CELL_PX,
+    KEYPOINTS,
+    REACH,
+    angle_distribution,
+    laplace_sigma,
+    peak_angle,
+    points_in_input,
+)
 from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, add_keypoints
+from meshslam.perception.keypoints.mirror import MIRRORED, Answers, answers_of
 from meshslam.perception.masks import encode_mask
+from meshslam.perception.model_store import ADVICE, add_model, find_model, store_folder, stored_models
 from meshslam.perception.reading import read_detections
 from meshslam.perception.segmentation import detect, load_segmenter
 from meshslam.perception.tracking import TrackerConfig, track, voted_category
 
 __all__ = [
+    "ADVICE",
+    "ANGLES",
+    "CELL_PX",
+    "COLOUR",
+    "GREY",
+    "HEIGHT_PX",
+    "KEYPOINTS",
+    "MIRRORED",
+    "REACH",
+    "WIDTH_PX",
+    "Answers",
     "CategoryEntry",
     "ColourConfig",
     "ColourSegmenter",
+    "Crop",
     "Detection",
     "DetectionSet",
+    "FramePerception",
     "ImageEntry",
+    "ImageFrames",
     "Instance",
     "KeypointConfig",
     "KeypointFinder",
@@ -23,11 +59,34 @@ __all__ = [
     "SegmenterConfig",
     "TrackerConfig",
     "add_keypoints",
+    "add_model",
+    "angle_distribution",
+    "answers_of",
+    "are_near",
+    "body_colour_bgr",
+    "corners",
+    "cut_out",
     "detect",
     "encode_mask",
+    "find_model",
+    "follow",
+    "from_coco_results",
+    "from_mots_png",
+    "from_mots_txt",
+    "from_yolo_txt",
+    "grey",
+    "laplace_sigma",
     "load_segmenter",
+    "nearness_on_ground",
+    "peak_angle",
+    "point_colour_bgr",
+    "points_in_input",
     "read_detections",
+    "store_folder",
+    "stored_models",
+    "to_input",
     "track",
     "voted_category",
+    "with_openpifpaf",
     "write_detections",
 ]

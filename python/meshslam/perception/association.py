@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 from meshslam.perception.flow import Flow
-from meshslam.perception.sights import Sight, mask_iou
+from meshslam.perception.tracked_mask import TrackedMask, mask_iou
 
 FEW_POINTS = 5.0  # with as many followed points, flow and overlap of masks count alike
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A sight in one frame, and where its corners and key points are in the other."""
+    """A mask in one frame, and where its corners and key points are in the other."""
 
-    sight: Sight
+    tracked: TrackedMask
     points: Flow
     keypoints: Flow
 
@@ -28,7 +28,7 @@ class Expected:
     """An object of the last frame: followed into this one, and the mask expected there."""
 
     followed: Followed
-    predicted: Sight
+    predicted: TrackedMask
 
 
 def paper_score(object_: Followed, detection: Followed) -> float:
@@ -36,7 +36,7 @@ def paper_score(object_: Followed, detection: Followed) -> float:
 
     Without key points, corners take their place: those that land in the detection's mask and return to the object's.
     """
-    if len(object_.sight.keypoints) and len(object_.sight.keypoints) == len(detection.sight.keypoints):
+    if len(object_.tracked.keypoints) and len(object_.tracked.keypoints) == len(detection.tracked.keypoints):
         return _keypoints(object_, detection)[0]
     return _corners(object_, detection)[0]
 
@@ -50,7 +50,7 @@ def affinity(object_: Expected, detection: Followed) -> float:
     keypoints, all_keypoints = _keypoints(object_.followed, detection)
     ahead, all_ahead = _corners(object_.followed, detection)
     behind, all_behind = _corners(detection, object_.followed)
-    overlap = mask_iou(object_.predicted, detection.sight)
+    overlap = mask_iou(object_.predicted, detection.tracked)
     count = min(all_ahead, all_behind) + all_keypoints
     if count == 0:
         return overlap
@@ -62,21 +62,21 @@ def affinity(object_: Expected, detection: Followed) -> float:
 
 def _keypoints(one: Followed, other: Followed) -> tuple[float, float]:
     """Sum up the confidence of the key points that land in each other's masks, and of all that both know."""
-    if len(one.sight.keypoints) != len(other.sight.keypoints) or len(one.sight.keypoints) == 0:
+    if len(one.tracked.keypoints) != len(other.tracked.keypoints) or len(one.tracked.keypoints) == 0:
         return 0.0, 0.0
-    weights = np.where(other.sight.weights > 0, one.sight.weights, 0.0)
-    there = other.sight.contains(one.keypoints.points)
-    back = one.sight.contains(other.keypoints.points)
+    weights = np.where(other.tracked.weights > 0, one.tracked.weights, 0.0)
+    there = other.tracked.contains(one.keypoints.points)
+    back = one.tracked.contains(other.keypoints.points)
     return float(weights[there & back].sum()), float(weights.sum())
 
 
 def _corners(one: Followed, other: Followed) -> tuple[float, float]:
     """Count the corners of one that land in the other's mask and return, and all that could be followed."""
-    landed = other.sight.contains(one.points.points) & one.sight.contains(one.points.returned) & one.points.good
+    landed = other.tracked.contains(one.points.points) & one.tracked.contains(one.points.returned) & one.points.good
     return float(landed.sum()), float(one.points.good.sum())
 
 
-def size_ratio(one: Sight, other: Sight) -> float:
+def size_ratio(one: TrackedMask, other: TrackedMask) -> float:
     """Return by how much widths or heights differ, at least 1; a side that the image's border cuts is not compared."""
     height, width = one.image_size
     ratio = 1.0

@@ -9,11 +9,11 @@ import numpy as np
 from scipy import ndimage
 
 from meshslam.categories import load_category
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
+from meshslam.geometry import Bools, Bytes, Floats, Ints
 from meshslam.perception.colour_code import read_colours
 from meshslam.perception.instances import Instance
 
-NAME = "colour"  # what --segmenter takes
+COLOUR = "colour"  # what --segmenter takes
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class ColourConfig:
 
     category: str = "car"  # what the bodies are
     identities: bool = False  # the colour of a body is its track id: for worlds in which no two have the same
-    least_area_px: int = 80
-    least_point_px: int = 3  # of a key point's mark
-    least_ring: float = 0.6  # of the pixels around a mark show its body; else something hides a part of the mark
-    largest_gap: float = 0.6  # between parts of one body, in heights of the larger
+    min_area_px: int = 80
+    min_point_px: int = 3  # of a key point's mark
+    min_ring: float = 0.6  # of the pixels around a mark show its body; else something hides a part of the mark
+    max_gap: float = 0.6  # between parts of one body, in heights of the larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class ColourSegmenter:
     def segment(self, image_bgr: Bytes) -> list[Instance]:
         """Return the bodies in a (height, width, 3) image, the largest first."""
         hue, bodies, points = read_colours(image_bgr)
-        marks = _marks(hue, points, self.config.least_point_px)
+        marks = _marks(hue, points, self.config.min_point_px)
         owner = _owner(hue, bodies, points, marks)
         found = [
             _Body(int(number), part)
@@ -63,7 +63,7 @@ class ColourSegmenter:
         for number in np.unique(inside[inside > 0]):
             rows, columns = np.nonzero(inside == number)
             index = int(hue[rows[0], columns[0]])
-            whole = _ring_share(rows, columns, owner == body.hue) >= self.config.least_ring
+            whole = _ring_share(rows, columns, owner == body.hue) >= self.config.min_ring
             if index < len(scores) and scores[index] == 0 and whole:
                 pixels[index], scores[index] = [columns.mean(), rows.mean()], 1.0
         mask = body.mask.astype(np.uint8)
@@ -117,10 +117,10 @@ def _parts(mask: Bools, config: ColourConfig) -> list[Bools]:
     groups = list(range(count))
     for i in range(count):
         for j in range(i):
-            if _gap(boxes[i], boxes[j]) <= config.largest_gap * max(np.ptp(boxes[i][:, 1]), np.ptp(boxes[j][:, 1])):
+            if _gap(boxes[i], boxes[j]) <= config.max_gap * max(np.ptp(boxes[i][:, 1]), np.ptp(boxes[j][:, 1])):
                 groups = [groups[j] if g == groups[i] else g for g in groups]
     merged = [np.isin(labels, 1 + np.flatnonzero(np.array(groups) == g)) for g in sorted(set(groups))]
-    return [part for part in merged if part.sum() >= config.least_area_px]
+    return [part for part in merged if part.sum() >= config.min_area_px]
 
 
 def _gap(a: Floats, b: Floats) -> float:

@@ -9,7 +9,7 @@ import colorsys
 
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
+from meshslam.geometry import Bools, Bytes, Floats, Ints
 
 HUES = 12  # of bodies, and of key points
 BODY_SATURATION, POINT_SATURATION = 0.55, 1.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Floats
 from meshslam.perception.masks import Segmentation, decode_segmentation, segmentation_area_px
 
 

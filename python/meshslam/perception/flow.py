@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry import Bools, Bytes, Floats
 
 WINDOW_PX = 15
 LEVELS = 5  # of the pyramid beyond the image itself: near cars move by 100 px a frame

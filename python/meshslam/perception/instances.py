@@ -9,7 +9,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats
+from meshslam.geometry import Bools, Bytes, Floats
 from meshslam.perception.coco import VEHICLE_GROUP, association_group
 from meshslam.perception.suppression import Patch, outline_filled, share_out, shared_area_px, suppress_nested
 
@@ -21,10 +21,10 @@ class SegmenterConfig:
     score_threshold: float = 0.3
     iou_threshold: float = 0.6  # boxes of one group that overlap by more are one object
     nested_share: float = 0.75  # a mask with this share in another of its group is the same object
-    minimum_area_px: int = 80
-    maximum_instances: int = 100
+    min_area_px: int = 80
+    max_instances: int = 100
     zoom: float = 2.0  # a second look at the image's middle, enlarged, for what is far away; 1: none
-    longest_side_px: int = 1280  # of the input of networks that leave its size open
+    max_side_px: int = 1280  # of the input of networks that leave its size open
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def settled(
     masks = share_out([patches[k] for k in kept], [bool(groups[k] == VEHICLE_GROUP) for k in kept], *image_size)
     found = []
     for k, part in zip(kept, masks, strict=True):
-        if int(part.sum()) < config.minimum_area_px:
+        if int(part.sum()) < config.min_area_px:
             continue
         x, y, width, height = cv2.boundingRect(part)
         mask = np.zeros(image_size, np.uint8)

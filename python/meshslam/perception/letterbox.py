@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes, Floats, Singles
+from meshslam.geometry import Bytes, Floats, Singles
 
 GREY = 114  # what YOLO networks are trained to see beside the image
 NATIVE_UP_TO = 1.1  # an image that fits and would be enlarged by less than this is not resampled at all

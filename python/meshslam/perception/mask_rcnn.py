@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import AnyArray, Bytes, Floats, Singles
+from meshslam.geometry import AnyArray, Bytes, Floats, Singles
 from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS, association_group
 from meshslam.perception.instances import Instance, SegmenterConfig, first_line, settled
 from meshslam.perception.suppression import Patch, suppress_boxes
@@ -41,7 +41,7 @@ class MaskRcnnLayout:
         return dict(COCO_NUMBERS) if self.pasted else dict(enumerate(COCO_CLASSES, start=1))
 
 
-def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # noqa: ANN401 # untyped package
+def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # untyped package  # noqa: ANN401 # untyped package
     """The layout of outputs boxes (N, 4), labels (N), scores (N), masks (N, 1, h, w); None for others."""
     outputs, place = session.get_outputs(), {}
     for i, output in enumerate(outputs):
@@ -95,7 +95,13 @@ class MaskRcnnSegmenter:
 
     keypoint_names: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, session: Any, layout: MaskRcnnLayout, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
+    def __init__(
+        self,
+        path: Path,
+        session: Any,  # noqa: ANN401 # untyped package
+        layout: MaskRcnnLayout,
+        config: SegmenterConfig,
+    ) -> None:  # untyped package
         self.path, self.config, self.layout, self._session = path, config, layout, session
         inputs = session.get_inputs()
         if len(inputs) != 1 or len(inputs[0].shape) not in (3, 4) or inputs[0].type != "tensor(float)":
@@ -117,6 +123,6 @@ class MaskRcnnSegmenter:
         known = self.layout.names()
         names = [known[label] for label in labels]
         groups = np.array([association_group(name) for name in names], dtype=object)
-        best = suppress_boxes(boxes, scores, groups, self.config.iou_threshold)[: self.config.maximum_instances]
+        best = suppress_boxes(boxes, scores, groups, self.config.iou_threshold)[: self.config.max_instances]
         chosen = [patches[i] for i in best]
         return settled(chosen, scores[best], [names[i] for i in best], (height, width), self.config)

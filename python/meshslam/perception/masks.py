@@ -10,7 +10,7 @@ import numpy as np
 from pycocotools import mask as coco
 
 from meshslam.errors import DetectionError
-from meshslam.geometry.arrays import Bytes, Ints
+from meshslam.geometry import Bytes, Ints
 
 
 class RunLengths(TypedDict):

@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from meshslam.errors import DetectionError
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.keypoint_names import ours
 from meshslam.perception.masks import is_finite_number, segmentation_problem
-from meshslam.sequences.detection_schema import LEAST_ANGLES
+from meshslam.sequences import LEAST_ANGLES
 
 Entry = TypeVar("Entry", ImageEntry, CategoryEntry, Detection)
 

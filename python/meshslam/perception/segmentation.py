@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.instances import Instance, Segmenter, SegmenterConfig, first_line
 from meshslam.perception.mask_rcnn import MaskRcnnSegmenter, recognize_mask_rcnn
@@ -57,8 +57,7 @@ def detect(
     for frame, image in frames:
         height, width = image.shape[:2]
         images.append(ImageEntry(frame, file_name(frame), width, height))
-        for instance in segmenter.segment(image):
-            detections.append(_detection(len(detections) + 1, frame, instance, (height, width)))
+        detections += segment_frame(frame, image, segmenter, first_id=len(detections) + 1)
         if progress:
             progress(frame)
     points = segmenter.keypoint_names
@@ -66,8 +65,14 @@ def detect(
     return DetectionSet(tuple(images), categories, tuple(detections))
 
 
-def _detection(number: int, frame: int, instance: Instance, image_size: tuple[int, int]) -> Detection:
-    code = encode_mask(instance.mask)
-    found = Detection(number, frame, instance.name, instance.score, instance.bbox, code, image_size)
+def segment_frame(frame: int, image: Bytes, segmenter: Segmenter, first_id: int) -> list[Detection]:
+    """Detections in one BGR image (h, w, 3), numbered from `first_id`."""
+    found = segmenter.segment(image)
+    return [_detection(first_id + k, frame, instance, image.shape[:2]) for k, instance in enumerate(found)]
+
+
+def _detection(number: int, frame: int, instance: Instance, image_size: tuple[int, ...]) -> Detection:
+    code, (height, width) = encode_mask(instance.mask), image_size
+    found = Detection(number, frame, instance.name, instance.score, instance.bbox, code, (height, width))
     points, scores, track = instance.keypoints, instance.keypoint_scores, instance.track_id
     return replace(found, keypoints=points, keypoint_scores=scores, track_id=track)

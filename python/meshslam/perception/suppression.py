@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
+from meshslam.geometry import AnyArray, Bools, Bytes, Floats, Ints, Singles
 
 Indices = NDArray[np.int32]
 

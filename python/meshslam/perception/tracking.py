@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Floats
 from meshslam.perception.association import (
     Expected,
     Followed,
@@ -21,7 +21,7 @@ from meshslam.perception.association import (
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.flow import Flow, follow, grey, scale_and_shift
-from meshslam.perception.sights import Sight, shared_area_px, sight
+from meshslam.perception.tracked_mask import TrackedMask, shared_area_px, tracked_mask
 
 FORCED = 10.0  # score of a detection that was given to the object
 ENOUGH_POINTS = 4  # to tell where an object has gone
@@ -36,12 +36,12 @@ class TrackerConfig:
 
     tracker: Literal["hungarian", "paper"] = "hungarian"  # paper: greedy, and what is not matched is lost for good
     categories: tuple[str, ...] = tuple(sorted(VEHICLES))
-    minimum_score: float = 0.3  # affinity of a match
-    minimum_overlap: float = 0.1  # likewise where there are no images, so that masks alone decide
+    min_score: float = 0.3  # affinity of a match
+    min_overlap: float = 0.1  # likewise where there are no images, so that masks alone decide
     size_factor: float = (
         1.5  # boxes of one object in consecutive frames are within it; beyond: lost (paper) or less likely
     )
-    maximum_gap: int = 5  # frames in a row in which an object may be missed
+    max_gap: int = 5  # frames in a row in which an object may be missed
     corners: int = 60  # that are followed per object
     nested_share: float = 0.75  # a mask with this share inside a better one of its group is the same object
 
@@ -63,7 +63,7 @@ def track(
     wanted = [d for d in detections.detections if d.category in config.categories]
     if all(d.track_id is not None for d in wanted):
         return detections
-    tracker, last = _Tracker(config), None
+    tracker, last = Tracker(config), None
     for frame, found in detections.by_frame().items():
         image = grey(read_image(frame)) if read_image else None
         turned = turn(last, frame) if turn is not None and last is not None else None
@@ -84,8 +84,10 @@ def voted_category(detections: Sequence[Detection]) -> str:
 
 
 @dataclass
-class _Object:
-    sight: Sight  # in the last frame: seen or predicted
+class TrackedObject:
+    """An object that is followed."""
+
+    tracked: TrackedMask  # in the last frame: seen or predicted
     last_seen: Floats  # box, brought along as the camera turns
     given: int | None
     members: list[int]  # ids of detections
@@ -94,17 +96,19 @@ class _Object:
 
 
 @dataclass
-class _Tracker:
+class Tracker:
+    """Feed it frames in their order."""
+
     config: TrackerConfig
-    active: list[_Object] = field(default_factory=list)
+    active: list[TrackedObject] = field(default_factory=list)
     last_image: Bytes | None = None
-    order: list[_Object] = field(default_factory=list)  # by first appearance
+    order: list[TrackedObject] = field(default_factory=list)  # by first appearance
 
     def step(self, detections: Sequence[Detection], image: Bytes | None, turned: Floats | None = None) -> None:
         """Take in one frame; `turned`: the homography of far points from the last frame to it."""
-        seen = [(d, s) for d in detections if (s := sight(d, image, self.config.corners)) is not None]
+        seen = [(d, s) for d in detections if (s := tracked_mask(d, image, self.config.corners)) is not None]
         seen = _without_nested(seen, self.config.nested_share)
-        ahead = _follow([o.sight for o in self.active], self.last_image, image)
+        ahead = _follow([o.tracked for o in self.active], self.last_image, image)
         behind = _follow([s for _, s in seen], image, self.last_image)
         for object_ in self.active:
             object_.last_seen = _turned(object_.last_seen, turned)
@@ -115,7 +119,7 @@ class _Tracker:
             self._continue(self.active[row], *seen[column])
         for row in missed:
             _miss(self.active[row], expected[row])
-        self.active = [o for o in self.active if o.missed <= self._patience() and _in_view(o.sight)]
+        self.active = [o for o in self.active if o.missed <= self._patience() and _in_view(o.tracked)]
         for column in sorted(set(range(len(seen))) - {column for _, column in pairs}):
             self._start(*seen[column])
         self.last_image = image
@@ -130,7 +134,7 @@ class _Tracker:
         return numbers
 
     def _patience(self) -> int:
-        return 0 if self.config.tracker == "paper" else self.config.maximum_gap
+        return 0 if self.config.tracker == "paper" else self.config.max_gap
 
     def _match(
         self, expected: Sequence[Expected], detections: Sequence[Detection], behind: Sequence[Followed]
@@ -146,48 +150,48 @@ class _Tracker:
                     scores[row, column] = self._score(outlook, followed)
         if self.config.tracker == "paper":
             return [(r, c) for r, c in assign_greedily(scores) if self._of_a_size(expected[r], behind[c], scores[r, c])]
-        return assign(scores, self.config.minimum_score if self.last_image is not None else self.config.minimum_overlap)
+        return assign(scores, self.config.min_score if self.last_image is not None else self.config.min_overlap)
 
     def _of_a_size(self, outlook: Expected, detection: Followed, score: float) -> bool:
-        return score == FORCED or size_ratio(outlook.followed.sight, detection.sight) <= self.config.size_factor
+        return score == FORCED or size_ratio(outlook.followed.tracked, detection.tracked) <= self.config.size_factor
 
     def _score(self, outlook: Expected, detection: Followed) -> float:
-        if outlook.predicted.group != detection.sight.group:
+        if outlook.predicted.group != detection.tracked.group:
             return 0.0
         if self.config.tracker == "paper":
             return paper_score(outlook.followed, detection)
-        excess = size_ratio(outlook.predicted, detection.sight) / self.config.size_factor
+        excess = size_ratio(outlook.predicted, detection.tracked) / self.config.size_factor
         return affinity(outlook, detection) / max(1.0, excess)
 
-    def _continue(self, object_: _Object, detection: Detection, seen: Sight) -> None:
+    def _continue(self, object_: TrackedObject, detection: Detection, seen: TrackedMask) -> None:
         steps = object_.missed + 1
         motion = (seen.box - object_.last_seen) / steps
         object_.motion = motion if len(object_.members) == 1 else 0.5 * (motion + object_.motion)
-        object_.sight, object_.last_seen, object_.missed = seen, seen.box, 0
+        object_.tracked, object_.last_seen, object_.missed = seen, seen.box, 0
         object_.given = object_.given if object_.given is not None else detection.track_id
         object_.members.append(detection.id)
 
-    def _start(self, detection: Detection, seen: Sight) -> None:
-        self.active.append(_Object(seen, seen.box, detection.track_id, [detection.id]))
+    def _start(self, detection: Detection, seen: TrackedMask) -> None:
+        self.active.append(TrackedObject(seen, seen.box, detection.track_id, [detection.id]))
         self.order.append(self.active[-1])
 
 
-def _miss(object_: _Object, expected: Expected) -> None:
+def _miss(object_: TrackedObject, expected: Expected) -> None:
     """Go on with the prediction: its mask, and the corners that could be followed."""
     flow = expected.followed.points
-    object_.sight = replace(expected.predicted, points=flow.points[flow.good])
+    object_.tracked = replace(expected.predicted, points=flow.points[flow.good])
     object_.missed += 1
 
 
-def _follow(sights: Sequence[Sight], here: Bytes | None, there: Bytes | None) -> list[Followed]:
-    """Follow the corners and key points of every sight from one image to the other, all in one go."""
-    parts = [part for s in sights for part in (s.points, s.keypoints)]
+def _follow(tracked: Sequence[TrackedMask], here: Bytes | None, there: Bytes | None) -> list[Followed]:
+    """Follow the corners and key points of every mask from one image to the other, all in one go."""
+    parts = [part for s in tracked for part in (s.points, s.keypoints)]
     if here is None or there is None or not parts:
-        return [Followed(s, _lost(s.points), _lost(s.keypoints)) for s in sights]
+        return [Followed(s, _lost(s.points), _lost(s.keypoints)) for s in tracked]
     flow = follow(here, there, np.concatenate(parts))
     ends = np.cumsum([len(part) for part in parts])
     flows = [flow.part(end - len(part), end) for part, end in zip(parts, ends.tolist(), strict=True)]
-    return [Followed(s, flows[2 * i], flows[2 * i + 1]) for i, s in enumerate(sights)]
+    return [Followed(s, flows[2 * i], flows[2 * i + 1]) for i, s in enumerate(tracked)]
 
 
 def _lost(points: Floats) -> Flow:
@@ -207,9 +211,9 @@ def _turned(box: Floats, homography: Floats | None) -> Floats:
     return np.concatenate([middle - size / 2, middle + size / 2])
 
 
-def _predict(object_: _Object, followed: Followed, turned: Floats | None) -> Sight:
+def _predict(object_: TrackedObject, followed: Followed, turned: Floats | None) -> TrackedMask:
     """Expect the mask where its corners have gone; with too few of them, where turning and even motion lead the box."""
-    seen, flow = object_.sight, followed.points
+    seen, flow = object_.tracked, followed.points
     if flow.good.sum() < ENOUGH_POINTS:
         x0, y0, x1, y1 = _turned(seen.box, turned) + object_.motion
         return seen.moved(np.array([x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)]))
@@ -217,15 +221,15 @@ def _predict(object_: _Object, followed: Followed, turned: Floats | None) -> Sig
     return seen.moved(((seen.box.reshape(2, 2) - centre) * scale + new_centre).reshape(4))
 
 
-def _in_view(seen: Sight) -> bool:
+def _in_view(seen: TrackedMask) -> bool:
     height, width = seen.image_size
     x, y = seen.box.reshape(2, 2).mean(0)
     return bool(0 <= x < width and 0 <= y < height)
 
 
-def _without_nested(seen: list[tuple[Detection, Sight]], share: float) -> list[tuple[Detection, Sight]]:
+def _without_nested(seen: list[tuple[Detection, TrackedMask]], share: float) -> list[tuple[Detection, TrackedMask]]:
     """Drop masks that lie in a better one of their group; the better is the larger unless it scores much lower."""
-    kept: list[tuple[Detection, Sight]] = []
+    kept: list[tuple[Detection, TrackedMask]] = []
     for detection, s in sorted(seen, key=lambda pair: (-pair[0].score * np.sqrt(pair[1].mask.sum()), pair[0].id)):
         area = int(s.mask.sum())
         rivals = [k for _, k in kept if k.group == s.group]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import AnyArray, Floats
+from meshslam.geometry import AnyArray, Floats
 
 PYRAMIDS = ((8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32))  # strides of the grids on which candidates sit, px
 KNOWN = (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import AnyArray, Bytes, Floats, Singles
+from meshslam.geometry import AnyArray, Bytes, Floats, Singles
 from meshslam.perception.coco import COCO_CLASSES, association_group
 from meshslam.perception.instances import Instance, SegmenterConfig, first_line, settled
 from meshslam.perception.letterbox import Letterbox
@@ -26,7 +26,7 @@ class YoloSegmenter:
 
     keypoint_names: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, session: Any, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
+    def __init__(self, path: Path, session: Any, config: SegmenterConfig) -> None:  # untyped package  # noqa: ANN401 # untyped package
         self.path, self.config, self._session = path, config, session
         self._input, self._dtype, self._static = _input_of(path, session)
         height, width = self._static or (64, 64)
@@ -43,7 +43,7 @@ class YoloSegmenter:
         classes = np.concatenate([look.candidates.classes for look in looks])
         places = [(look, row) for look in looks for row in range(len(look.candidates.scores))]
         best = suppress_boxes(boxes, scores, self._groups[classes], self.config.iou_threshold)
-        best = best[: self.config.maximum_instances]
+        best = best[: self.config.max_instances]
         patches = [places[i][0].patch(places[i][1]) for i in best]
         names = [self.names[i] for i in classes[best]]
         return settled(patches, scores[best], names, image_bgr.shape[:2], self.config)
@@ -58,7 +58,7 @@ class YoloSegmenter:
         x, y = (width - w) // 2, (height - h) // 2
         return [whole, (x, y, x + w, y + h)]
 
-    def _look(self, image_bgr: Bytes, window: Window) -> Look:
+    def _look(self, image_bgr: Bytes, window: Window) -> StartFrame:
         height, width = image_bgr.shape[:2]
         letterbox = Letterbox.fit(window, *self._input_size(height, width))
         outputs = self._run(letterbox.image_to_input(image_bgr))
@@ -66,12 +66,12 @@ class YoloSegmenter:
         candidates = decode(outputs, self.layout, self.config.score_threshold)
         boxes = letterbox.boxes_to_image(candidates.boxes)
         usable = _uncut(boxes, window, height, width) & (boxes[:, 2:] - boxes[:, :2] >= 1).all(1)
-        return Look(letterbox, candidates.subset(usable), boxes[usable])
+        return StartFrame(letterbox, candidates.subset(usable), boxes[usable])
 
     def _input_size(self, height: int, width: int) -> tuple[int, int]:
         if self._static:
             return self._static
-        scale = min(1.0, self.config.longest_side_px / max(height, width))
+        scale = min(1.0, self.config.max_side_px / max(height, width))
         return _up_to_stride(height * scale), _up_to_stride(width * scale)
 
     def _run(self, values: Singles) -> list[AnyArray]:
@@ -88,7 +88,7 @@ class YoloSegmenter:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class StartFrame:
     """What the network said of one window of an image."""
 
     letterbox: Letterbox
@@ -119,7 +119,7 @@ def _up_to_stride(length: float) -> int:
     return max(32, int(np.ceil(length / 32)) * 32)
 
 
-def _input_of(path: Path, session: Any) -> tuple[str, type, tuple[int, int] | None]:  # noqa: ANN401 # untyped package
+def _input_of(path: Path, session: Any) -> tuple[str, type, tuple[int, int] | None]:  # untyped package  # noqa: ANN401 # untyped package
     """Name, type and (height, width) of the one image input; None where the network leaves the size open."""
     inputs = session.get_inputs()
     types = {"tensor(float)": np.float32, "tensor(float16)": np.float16}

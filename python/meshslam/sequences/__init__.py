@@ -1,18 +1,22 @@
 """Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
 
 from meshslam.sequences.check import check_sequence
+from meshslam.sequences.detection_schema import LEAST_ANGLES
 from meshslam.sequences.distortion import Distortion
+from meshslam.sequences.folder import read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
 from meshslam.sequences.imu_files import read_extrinsics, read_imu, with_imu
 from meshslam.sequences.kitti_odometry import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
-from meshslam.sequences.report import Problem
+from meshslam.sequences.report import Problem, Report
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.tum import format_tum, read_tum
 from meshslam.sequences.turning import turns
 
 __all__ = [
+    "LEAST_ANGLES",
     "LOADERS",
     "WORLD_FROM_FIRST_CAMERA",
     "Distortion",
@@ -21,14 +25,18 @@ __all__ = [
     "LoadOptions",
     "Loader",
     "Problem",
+    "Report",
     "Sequence",
     "camera_yaml",
     "check_sequence",
     "find_loader",
+    "format_tum",
     "open_sequence",
+    "read_camera_file",
     "read_extrinsics",
     "read_imu",
     "read_path",
+    "read_tum",
     "turns",
     "with_imu",
     "write_sequence_folder",

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Camera
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Camera, Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from meshslam.errors import GeometryError, SequenceError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.images import are_numbered, frame_numbers, list_images
 from meshslam.sequences.imu_files import read_imu

@@ -13,8 +13,7 @@ import numpy as np
 import yaml
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.imu_files import IMU_COLUMNS
 from meshslam.sequences.sequence import ImuSamples, InitialState

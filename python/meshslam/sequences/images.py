@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes
 from meshslam.sequences.report import fail
 
 SUFFIXES = (".png", ".jpg", ".jpeg")

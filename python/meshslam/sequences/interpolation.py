@@ -8,8 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 
 
 def interpolate_poses(times_s: Floats, poses: Items[Pose], at_s: Floats) -> tuple[Pose, ...]:

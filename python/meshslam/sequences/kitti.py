@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.text import read_text
 

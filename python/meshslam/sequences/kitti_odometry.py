@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.sequences.images import frame_numbers, list_images, load_image
 from meshslam.sequences.kitti import CAMERA_NUMBERS, HEIGHT_ABOVE_GROUND_M, read_calibration, split_projection
 from meshslam.sequences.loader import LoadOptions

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Camera, Floats, Ints, Pose
 from meshslam.sequences import oxts
 from meshslam.sequences.images import frame_numbers, list_images
 from meshslam.sequences.interpolation import interpolate_poses

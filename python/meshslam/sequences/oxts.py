@@ -10,8 +10,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints, Pose
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples
 from meshslam.sequences.text import read_table, read_text

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.sequences.kitti_odometry import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.text import read_table, read_text, read_times, rigid

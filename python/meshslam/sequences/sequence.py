@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.images import load_image
 

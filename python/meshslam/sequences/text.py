@@ -11,8 +11,7 @@ import numpy as np
 import yaml
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.sequences.report import Report, fail
 
 

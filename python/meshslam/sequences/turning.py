@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 from meshslam.sequences.sequence import Sequence
 
 

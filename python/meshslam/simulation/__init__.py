@@ -1,36 +1,53 @@
 """Worlds that are known exactly, and recordings of them."""
 
-from meshslam.simulation.bodies import Body, BodySource, procedural_bodies, procedural_body, shapes_of
-from meshslam.simulation.config import SimulationConfig, make_world, simulate_street
+from meshslam.simulation.bodies import UPRIGHT_REAR_M, Body, BodySource, procedural_bodies, procedural_body, shapes_of
+from meshslam.simulation.cars import ProceduralCar, make_cars, meshed_cars
+from meshslam.simulation.config import DEMO, SimulationConfig, make_world, simulate_street
 from meshslam.simulation.fronts import Wall
+from meshslam.simulation.light import Light, draw_light, lit, shaded
+from meshslam.simulation.look import draw_look
+from meshslam.simulation.materials import surface
 from meshslam.simulation.motion import ImuNoise, simulated_imu
 from meshslam.simulation.recorded import PathFiles, recorded_street
 from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording
 from meshslam.simulation.render import render_image
+from meshslam.simulation.road import Road
 from meshslam.simulation.street import Car, Street, StreetConfig, driven_again, make_street
 
 __all__ = [
+    "DEMO",
     "EXACT",
+    "UPRIGHT_REAR_M",
     "Body",
     "BodySource",
     "Car",
     "ImuNoise",
+    "Light",
     "ObserverConfig",
     "PathFiles",
+    "ProceduralCar",
+    "Road",
     "SimulationConfig",
     "Street",
     "StreetConfig",
     "Wall",
+    "draw_light",
+    "draw_look",
     "driven_again",
+    "lit",
+    "make_cars",
     "make_street",
     "make_world",
+    "meshed_cars",
     "observe",
     "procedural_bodies",
     "procedural_body",
     "recorded_street",
     "render_image",
+    "shaded",
     "shapes_of",
     "simulate_street",
     "simulated_imu",
+    "surface",
     "write_recording",
 ]

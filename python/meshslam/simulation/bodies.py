@@ -10,11 +10,10 @@ from typing import Protocol
 
 import numpy as np
 
-from meshslam.categories import Category
-from meshslam.categories.procedural.car import KEYPOINT_NAMES
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.categories import KEYPOINT_NAMES, Category
+from meshslam.geometry import Floats, Ints
 from meshslam.simulation.cars import ProceduralCar, make_cars
-from meshslam.simulation.look import Look, draw_look
+from meshslam.simulation.look import StartFrame, draw_look
 from meshslam.simulation.materials import surface
 
 UPRIGHT_REAR_M = 0.8  # a roof that ends so near to the tail makes it a hatch, an estate or a van
@@ -49,7 +48,7 @@ class CarSkin:
     """Paint, glass, lamps, wheels of a procedural car."""
 
     car: ProceduralCar
-    look: Look
+    look: StartFrame
 
     @property
     def paint_bgr(self) -> Floats:
@@ -113,11 +112,11 @@ def plain_skin(rng: np.random.Generator) -> Skin:
     return PlainSkin(np.clip(_PLAIN_BGR[rng.integers(len(_PLAIN_BGR))] * rng.uniform(0.9, 1.1), 0.0, 1.0))
 
 
-def shapes_of(category: Category, largest_z: float) -> BodySource:
-    """Plain bodies of a category's shape space, mode weights cut at `largest_z` standard deviations."""
+def shapes_of(category: Category, max_z: float) -> BodySource:
+    """Plain bodies of a category's shape space, mode weights cut at `max_z` standard deviations."""
 
     def draw(rng: np.random.Generator) -> Body:
-        z = np.clip(rng.normal(size=len(category.modes)), -largest_z, largest_z)
+        z = np.clip(rng.normal(size=len(category.modes)), -max_z, max_z)
         vertices = category.shape(z)
         centred: Floats = vertices - (vertices.max(0) + vertices.min(0)) / 2
         points = dict(zip(category.keypoint_names, category.keypoints(centred), strict=True))

@@ -7,13 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.categories.icosphere import icosphere, subdivide
-from meshslam.categories.procedural.car import CarShape
-from meshslam.categories.procedural.solid import distance_and_normal, project
-from meshslam.categories.procedural.styles import draw_car
-from meshslam.categories.shrinkwrap import Wrapper, carry
-from meshslam.categories.template import car_template, middle_car
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.categories import (
+    CarShape,
+    Wrapper,
+    car_template,
+    carry,
+    distance_and_normal,
+    draw_car,
+    icosphere,
+    middle_car,
+    project,
+    subdivide,
+)
+from meshslam.geometry import Floats, Ints
 
 SUBDIVISIONS = 2  # beyond the category's mesh: edges of about 5 cm
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints
 from meshslam.simulation.road import Road
 
 PAVEMENT_M = 3.0  # between kerb and fronts

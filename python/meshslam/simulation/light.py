@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Floats
+from meshslam.geometry import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)

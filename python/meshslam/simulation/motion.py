@@ -9,9 +9,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
-from meshslam.localization import ImuConfig
+from meshslam.geometry import Floats, Pose
+from meshslam.motion import ImuConfig
 from meshslam.sequences import ImuSamples
 
 RATE_HZ = 100.0

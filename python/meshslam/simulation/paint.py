@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 from meshslam.simulation.fronts import Wall
 
 _TILE = 256  # cells of the noise in each direction before it repeats

@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats
-from meshslam.sequences import ImuSamples, read_extrinsics, read_imu, read_path
-from meshslam.sequences.report import Report
+from meshslam.geometry import Camera, Floats, Pose
+from meshslam.sequences import ImuSamples, Report, read_extrinsics, read_imu, read_path
 from meshslam.simulation.bodies import BodySource
 from meshslam.simulation.motion import MARGIN_S, ImuReadings, Motion
 from meshslam.simulation.road import Road

@@ -14,13 +14,11 @@ import cv2
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.geometry import Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats
-from meshslam.mapping.observations import signed_distance
-from meshslam.maps.ply import PlyMesh, format_ply
+from meshslam.geometry import Bools, Bytes, Floats, Rendering, render
+from meshslam.maps import PlyMesh, format_ply
+from meshslam.objects import signed_distance
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
-from meshslam.sequences import InitialState, write_sequence_folder
-from meshslam.sequences.tum import format_tum
+from meshslam.sequences import InitialState, format_tum, write_sequence_folder
 from meshslam.simulation.motion import IMU_FROM_CAMERA, ImuNoise, ImuReadings, simulated_imu
 from meshslam.simulation.render import draw, render_image, visible
 from meshslam.simulation.street import Car, Street
@@ -32,14 +30,14 @@ class ObserverConfig:
 
     border_sigma_px: float = 0.7  # of the masks' borders, smooth along them
     keypoint_sigma_share: float = 0.01  # of the box's larger side
-    keypoint_min_sigma_px: float = 1.0
+    min_keypoint_sigma_px: float = 1.0
     wild_share: float = 0.03  # of the key points lie anywhere in the box
     keypoints: bool = True
-    smallest_area_px: int = 250
-    smallest_visible_share: float = 0.3
+    min_area_px: int = 250
+    min_visible_share: float = 0.3
 
 
-EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, keypoint_min_sigma_px=0.0, wild_share=0.0)
+EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, min_keypoint_sigma_px=0.0, wild_share=0.0)
 
 
 def write_recording(
@@ -129,9 +127,7 @@ def _detection(
     """One car in one frame; None if too little of it is seen."""
     car = street.cars[number]
     exact = (drawn.object_index == number).astype(np.uint8)
-    if exact.sum() < config.smallest_area_px or exact.sum() < config.smallest_visible_share * _whole_area(
-        street, index, number
-    ):
+    if exact.sum() < config.min_area_px or exact.sum() < config.min_visible_share * _whole_area(street, index, number):
         return None
     mask = roughen(exact, rng, config.border_sigma_px) if config.border_sigma_px > 0 else exact
     x, y, width, height = cv2.boundingRect(mask)
@@ -169,7 +165,7 @@ def _seen_keypoints(
     config: ObserverConfig,
 ) -> tuple[Floats, Floats]:
     """Noisy key points (K, 2) and scores (K,); what is not shown has score 0 and lies at 0, 0."""
-    sigma = max(config.keypoint_min_sigma_px, config.keypoint_sigma_share * max(box[2:]))
+    sigma = max(config.min_keypoint_sigma_px, config.keypoint_sigma_share * max(box[2:]))
     noisy = pixels + rng.normal(0.0, sigma, pixels.shape)
     wild = rng.random(len(pixels)) < config.wild_share
     anywhere = np.array(box[:2]) + rng.random(pixels.shape) * np.array(box[2:])

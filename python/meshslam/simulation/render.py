@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from meshslam.geometry import Camera, Pose, Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
-from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
+from meshslam.geometry import Bools, Bytes, Camera, Floats, Ints, Pose, Rendering, render
+from meshslam.perception import body_colour_bgr, point_colour_bgr
 from meshslam.simulation import paint
 from meshslam.simulation.bodies import Body
 from meshslam.simulation.fronts import Wall

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Floats, Ints, Pose
 
 _STEP_M = 0.25  # between the points of the line that places are looked up by
 _CELL_M = 0.5  # of the tables along, aside, height

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Camera, Pose, render
-from meshslam.geometry.arrays import Bools, Floats, Ints
+from meshslam.geometry import Bools, Camera, Floats, Ints, Pose, render
 
 _FAR_M = 2000.0  # at which the sun's camera stands: its rays are parallel to a degree
 _CELL_M = 0.06

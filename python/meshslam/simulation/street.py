@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 
 from meshslam.categories import Category
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats, Ints
+from meshslam.geometry import Camera, Floats, Ints, Pose
 from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
 from meshslam.simulation.fronts import Wall, walls_along
 from meshslam.simulation.motion import ImuReadings
@@ -35,13 +34,13 @@ class StreetConfig:
     camera_height_m: float = 1.65
     cars_each_side: int = 5
     first_car_m: float = 8.0  # of the nearest parked cars' rear bumpers, from the first camera
-    least_gap_m: float = 0.8  # between parked cars
-    largest_gap_m: float = 3.0
+    min_gap_m: float = 0.8  # between parked cars
+    max_gap_m: float = 3.0
     spread: bool = False  # cars stand evenly along the whole drive instead, left and right by turns
     kerb_m: float = 4.9  # half the street's width, parked cars included
     sway_m: float = 0.25  # of the camera in its lane
     lane_m: float = 1.1  # half the distance of the two lanes' middles
-    largest_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
+    max_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
     moving_cars: int = 1  # ahead in the lane, then oncoming, by turns
     moving_speed_m_s: float = 7.0
     moving_start_m: float = 15.0  # of the first; oncoming ones come from `oncoming_start_m`
@@ -148,7 +147,7 @@ def furnished(
     camera: Camera,
 ) -> Street:
     """Put cars and house fronts along a road; the first camera is at 0 m."""
-    draw = shapes_of(bodies, config.largest_z) if isinstance(bodies, Category) else bodies
+    draw = shapes_of(bodies, config.max_z) if isinstance(bodies, Category) else bodies
     rng = np.random.default_rng(seed)
     cars: list[Car] = []
     for side in (-1.0, 1.0):
@@ -157,7 +156,7 @@ def furnished(
             if config.spread:
                 along = _even_place(k, side, world_from_camera, config)
             car = _parked_car(len(cars) + 1, side, along, road, draw(rng), rng, config)
-            along += float(car.body.dimensions[0]) + rng.uniform(config.least_gap_m, config.largest_gap_m)
+            along += float(car.body.dimensions[0]) + rng.uniform(config.min_gap_m, config.max_gap_m)
             cars.append(car)
     cars = [replace(car, id=i + 1) for i, car in enumerate(_clear(cars, world_from_camera))]
     for k in range(config.moving_cars):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes, Floats
-from meshslam.perception.keypoints.crop import GREY
-from meshslam.perception.keypoints.mirror import MIRRORED
+from meshslam.geometry import Bytes, Floats
+from meshslam.perception import GREY, MIRRORED
 from meshslam.training.dataset import Samples, in_crop
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.geometry import Camera
-from meshslam.geometry.arrays import Floats
-from meshslam.simulation.light import Light
+from meshslam.geometry import Camera, Floats
+from meshslam.simulation import Light
 
 _TILE = 128
 _ROW = 4096

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
-from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out
+from meshslam.geometry import Bools, Bytes, Floats, Ints
+from meshslam.perception import HEIGHT_PX, WIDTH_PX, Crop, cut_out
 from meshslam.training.degrade import Seen, cut, obstructed, seen
 from meshslam.training.scene import Picture
 

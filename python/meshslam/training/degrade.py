@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Singles
+from meshslam.geometry import Bools, Bytes, Singles
 from meshslam.training.background import clouded
 from meshslam.training.scene import Picture, as_bytes
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats
-from meshslam.simulation.cars import ProceduralCar
+from meshslam.geometry import Camera, Floats, Pose
+from meshslam.simulation import ProceduralCar
 
 _CAMERA_FROM_LEVEL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _ROOM = 0.45  # drawn around the car, in its size, on each side

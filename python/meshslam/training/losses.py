@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from meshslam.perception.keypoints.decode import ANGLES, CELL_PX, REACH
+from meshslam.perception import ANGLES, CELL_PX, REACH
 
 HEAT_SIGMA_CELLS = 0.8
 ANGLE_CONCENTRATION = 1 / 0.15**2  # von Mises, of the soft labels

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from meshslam.perception.keypoints.decode import ANGLES, CELL_PX, KEYPOINTS
+from meshslam.perception import ANGLES, CELL_PX, KEYPOINTS
 
 _WIDTHS = (24, 40, 80, 176)  # channels at 1/2, 1/4, 1/8 and 1/16 of the input
 _HEAD = 24

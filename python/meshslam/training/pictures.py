@@ -10,8 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
-from meshslam.simulation.cars import ProceduralCar, make_cars
+from meshslam.geometry import Bools, Bytes, Floats, Ints
+from meshslam.simulation import ProceduralCar, make_cars
 from meshslam.training.dataset import Sample, Samples, gathered, taken
 from meshslam.training.scene import Picture, draw_picture
 
@@ -23,7 +23,7 @@ _CAR, _OTHER = 1, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class ImageFeatures:
     """Many pictures as arrays, their pixels in one row."""
 
     pixels: Bytes  # (pixels of all, 4): roots of blue, green, red, and whose pixel it is
@@ -46,7 +46,7 @@ class Pictures:
 class Album:
     """Pictures by number."""
 
-    def __init__(self, pictures: Pictures) -> None:
+    def __init__(self, pictures: ImageFeatures) -> None:
         self._pictures, self._starts = pictures, pictures.starts()
 
     def __len__(self) -> int:
@@ -88,9 +88,9 @@ def draw_pictures(rng: np.random.Generator, cars: Sequence[ProceduralCar], count
     return found
 
 
-def packed(pictures: Sequence[Picture]) -> Pictures:
+def packed(pictures: Sequence[Picture]) -> ImageFeatures:
     """Put pictures together."""
-    return Pictures(
+    return ImageFeatures(
         np.concatenate([_pixels(p).reshape(-1, 4) for p in pictures]),
         np.array([p.mask.shape for p in pictures]),
         np.array([p.whole_px for p in pictures]),
@@ -106,7 +106,7 @@ def _pixels(picture: Picture) -> Bytes:
     return np.dstack([np.round(255 * root), whose]).astype(np.uint8)
 
 
-def draw_chunk(seed: int, count: int = CHUNK, cars: int = CARS_A_CHUNK) -> Pictures:
+def draw_chunk(seed: int, count: int = CHUNK, cars: int = CARS_A_CHUNK) -> ImageFeatures:
     """Draw `count` pictures of cars and scenes that follow from the seed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
@@ -155,4 +155,4 @@ def load_album(paths: Sequence[Path]) -> Album:
     for path in paths:
         with np.load(path) as archive:
             parts.append({key: archive[key] for key in archive.files})
-    return Album(Pictures(**{key: np.concatenate([part[key] for part in parts]) for key in parts[0]}))
+    return Album(ImageFeatures(**{key: np.concatenate([part[key] for part in parts]) for key in parts[0]}))

@@ -8,13 +8,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from meshslam.geometry import Camera, Pose, Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Singles
-from meshslam.simulation.bodies import UPRIGHT_REAR_M
-from meshslam.simulation.cars import ProceduralCar
-from meshslam.simulation.light import Light, draw_light, lit, shaded
-from meshslam.simulation.look import draw_look
-from meshslam.simulation.materials import surface
+from meshslam.geometry import Bools, Bytes, Camera, Floats, Pose, Rendering, Singles, render
+from meshslam.simulation import UPRIGHT_REAR_M, Light, ProceduralCar, draw_light, draw_look, lit, shaded, surface
 from meshslam.training.background import backdrop, ground_texture
 from meshslam.training.layout import Layout, draw_layout
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry.arrays import Floats, Singles
-from meshslam.perception.keypoints.decode import angle_distribution, laplace_sigma, peak_angle, points_in_input
+from meshslam.geometry import Floats, Singles
+from meshslam.perception import angle_distribution, laplace_sigma, peak_angle, points_in_input
 from meshslam.training.dataset import Samples
 
 PCK_SHARE = 0.1  # of the box's longer side

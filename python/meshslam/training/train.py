@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from meshslam.geometry.arrays import Singles
+from meshslam.geometry import Singles
 from meshslam.maps import write_atomically
-from meshslam.perception.keypoints.crop import to_input
-from meshslam.perception.keypoints.mirror import Answers, answers_of
+from meshslam.perception import Answers, answers_of, to_input
 from meshslam.training.augment import varied
 from meshslam.training.dataset import Samples
 from meshslam.training.losses import total_loss

@@ -1,9 +1,38 @@
 """Pictures of a run: the HTML report, and its parts that stand alone."""
 
-from meshslam.viewing.birds_eye import birds_eye
+from meshslam.viewing.birds_eye import birds_eye, footprint
+from meshslam.viewing.category_sheet import category_page, category_png
+from meshslam.viewing.charts import Line, line_charts
 from meshslam.viewing.context import ReportContext
+from meshslam.viewing.markup import jpeg_uri, number, table, text
+from meshslam.viewing.mesh_picture import mesh_picture
 from meshslam.viewing.overlay import draw_overlay
+from meshslam.viewing.overview import figure_rows, overview_page
+from meshslam.viewing.path_charts import can_plot, iterations_chart, lines_from_above, path_chart
 from meshslam.viewing.recording import can_record, write_recording
 from meshslam.viewing.report import write_report
 
-__all__ = ["ReportContext", "birds_eye", "can_record", "draw_overlay", "write_recording", "write_report"]
+__all__ = [
+    "Line",
+    "ReportContext",
+    "birds_eye",
+    "can_plot",
+    "can_record",
+    "category_page",
+    "category_png",
+    "draw_overlay",
+    "figure_rows",
+    "footprint",
+    "iterations_chart",
+    "jpeg_uri",
+    "line_charts",
+    "lines_from_above",
+    "mesh_picture",
+    "number",
+    "overview_page",
+    "path_chart",
+    "table",
+    "text",
+    "write_recording",
+    "write_report",
+]

@@ -9,8 +9,7 @@ from types import MappingProxyType
 import cv2
 import numpy as np
 
-from meshslam.geometry import Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats, Pose
 from meshslam.maps import Map, MapObject, object_colour
 from meshslam.viewing.markup import px, rgb, size_m, text
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from meshslam.categories import Category
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Floats
 from meshslam.viewing.markup import png_uri
 from meshslam.viewing.mesh_picture import VIEWS, mesh_picture
 

@@ -8,8 +8,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.maps import Map
 from meshslam.perception import Detection, DetectionSet
 

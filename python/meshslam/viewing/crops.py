@@ -5,8 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.geometry import Camera
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes, Camera
 from meshslam.maps import MapObject
 from meshslam.perception import Detection
 from meshslam.viewing.context import ReportContext

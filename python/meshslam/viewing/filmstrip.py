@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes
 from meshslam.maps import object_colour
 from meshslam.perception import Detection
 from meshslam.viewing.context import ReportContext

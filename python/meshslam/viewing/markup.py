@@ -11,7 +11,7 @@ from importlib import resources
 import cv2
 
 from meshslam.errors import MapError
-from meshslam.geometry.arrays import AnyArray, Bytes, Floats
+from meshslam.geometry import AnyArray, Bytes, Floats
 
 UNKNOWN = "&ndash;"
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from meshslam.geometry import Camera, Pose, Rendering, render
-from meshslam.geometry.arrays import Bools, Bytes, Floats, Ints
+from meshslam.geometry import Bools, Bytes, Camera, Floats, Ints, Pose, Rendering, render
 from meshslam.maps import Map, MapObject, object_colour
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1: px

@@ -5,8 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes, Floats, Ints
-from meshslam.geometry.lie import exp_so3
+from meshslam.geometry import Bytes, Floats, Ints, exp_so3
 
 TILE = (300, 190)  # px, width and height
 LIGHT = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])

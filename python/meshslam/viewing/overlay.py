@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Bytes, Floats
+from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.maps import Map, object_colour
 from meshslam.perception import Detection
 from meshslam.viewing.mesh_layer import Box, laid_over, mesh_layer, shapes_of

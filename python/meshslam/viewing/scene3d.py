@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshslam.geometry import Camera, Pose
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Camera, Floats, Pose
 from meshslam.maps import Map, MapObject, object_colour
 from meshslam.viewing.markup import packed
 

@@ -9,17 +9,14 @@ import pytest
 
 from meshslam.errors import DetectionError
 from meshslam.perception import encode_mask, read_detections, write_detections
-from meshslam.perception.conversion import (
-    Frames,
-    from_coco_results,
-    from_mots_png,
-    from_mots_txt,
-    from_yolo_txt,
-    with_openpifpaf,
-)
+from meshslam.perception.conversion.coco_results import from_coco_results
+from meshslam.perception.conversion.frames import ImageFrames
+from meshslam.perception.conversion.mots import from_mots_png, from_mots_txt
+from meshslam.perception.conversion.openpifpaf import with_openpifpaf
+from meshslam.perception.conversion.yolo_txt import from_yolo_txt
 from meshslam.perception.keypoint_names import APOLLO_24, APOLLO_FROM_OURS
 
-FRAMES = Frames((0, 1, 2), 64, 48)
+FRAMES = ImageFrames((0, 1, 2), 64, 48)
 
 
 def square(x, y, side=12):

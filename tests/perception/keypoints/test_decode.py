@@ -1,13 +1,7 @@
 import numpy as np
 import pytest
 
-from meshslam.perception.keypoints.decode import (
-    ANGLES,
-    CELL_PX,
-    angle_distribution,
-    peak_angle,
-    points_in_input,
-)
+from meshslam.perception.keypoints.decode import ANGLES, CELL_PX, angle_distribution, peak_angle, points_in_input
 
 
 def heat_of(points, sigma=0.8):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from meshslam.categories.procedural.solid import cast, curve_distance, project, smooth_max, smooth_min, smooth_step
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 
 KEYPOINT_NAMES = (
     "left_front_wheel",

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 
 Field = Callable[[Floats], Floats]  # points (n, 3) to values (n,), negative inside, in metres near the surface
 

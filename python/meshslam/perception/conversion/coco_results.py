@@ -7,12 +7,12 @@ from pathlib import Path
 
 from meshslam.errors import DetectionError
 from meshslam.perception.coco import COCO_NUMBERS
-from meshslam.perception.conversion.frames import Found, Frames, gathered, loaded
+from meshslam.perception.conversion.frames import Found, ImageFrames, gathered, loaded
 from meshslam.perception.detections import DetectionSet
 from meshslam.perception.masks import is_finite_number, segmentation_problem
 
 
-def from_coco_results(path: Path, frames: Frames, names: Mapping[int, str] | None = None) -> DetectionSet:
+def from_coco_results(path: Path, frames: ImageFrames, names: Mapping[int, str] | None = None) -> DetectionSet:
     """Read results; `image_id` is the frame number. `names` of `category_id`, COCO's own numbers (1 to 90) if None."""
     names = COCO_NUMBERS if names is None else names
     rows = loaded(path)
@@ -21,7 +21,7 @@ def from_coco_results(path: Path, frames: Frames, names: Mapping[int, str] | Non
     return gathered([_found(row, f"{path}: [{i}]", frames, names) for i, row in enumerate(rows)], frames)
 
 
-def _found(row: object, where: str, frames: Frames, names: Mapping[int, str]) -> Found:
+def _found(row: object, where: str, frames: ImageFrames, names: Mapping[int, str]) -> Found:
     if not isinstance(row, dict):
         raise DetectionError(f"{where}: expected an object")
     frame, category, score = row.get("image_id"), row.get("category_id"), row.get("score")

@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 
 from meshslam.errors import DetectionError
-from meshslam.geometry.arrays import Bytes
+from meshslam.geometry import Bytes
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.masks import Segmentation, decode_segmentation
 
 
 @dataclass(frozen=True)
-class Frames:
+class ImageFrames:
     """Frame numbers of a recording and the size of its images, px."""
 
     numbers: tuple[int, ...]
@@ -44,7 +44,7 @@ class Found:
     track_id: int | None = None
 
 
-def gathered(found: Iterable[Found], frames: Frames, names: Sequence[str] = ()) -> DetectionSet:
+def gathered(found: Iterable[Found], frames: ImageFrames, names: Sequence[str] = ()) -> DetectionSet:
     """A set with ids in the order of the frames; empty masks are left out. `names` come first among the categories."""
     rows = sorted(found, key=lambda f: f.frame)
     listed = list(dict.fromkeys([*names, *(f.category for f in rows)]))
@@ -86,7 +86,7 @@ def files_in(folder: Path, suffix: str) -> list[Path]:
     return found
 
 
-def loaded(path: Path) -> Any:  # noqa: ANN401 # any JSON
+def loaded(path: Path) -> Any:  # any JSON  # noqa: ANN401 # any JSON
     """What a JSON file holds; DetectionError if it cannot be read."""
     try:
         return json.loads(path.read_bytes())
@@ -118,7 +118,7 @@ def numbers_of(words: Sequence[str], where: str) -> list[float]:
     return values
 
 
-def image_of(path: Path, frames: Frames) -> Bytes:
+def image_of(path: Path, frames: ImageFrames) -> Bytes:
     """A PNG as it is stored (16 bits stay 16); DetectionError if it cannot be read or has another size."""
     picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if picture is None:

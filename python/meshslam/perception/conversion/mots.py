@@ -9,7 +9,7 @@ import numpy as np
 from meshslam.errors import DetectionError
 from meshslam.perception.conversion.frames import (
     Found,
-    Frames,
+    ImageFrames,
     files_in,
     frame_of,
     gathered,
@@ -25,12 +25,12 @@ PER_CLASS = 1000  # an instance's number is its class times this, plus the numbe
 IGNORED = 10  # class of regions that are not judged
 
 
-def from_mots_txt(path: Path, frames: Frames) -> DetectionSet:
+def from_mots_txt(path: Path, frames: ImageFrames) -> DetectionSet:
     """Read `frame id class height width rle`; the id is the track's, regions to ignore are left out."""
     return gathered([f for where, words in lines_of(path) if (f := _line(words, where, frames))], frames)
 
 
-def _line(words: list[str], where: str, frames: Frames) -> Found | None:
+def _line(words: list[str], where: str, frames: ImageFrames) -> Found | None:
     if len(words) != 6:
         raise DetectionError(
             f"{where}: found {len(words)} words, expected frame, id, class, height, width, run lengths"
@@ -45,7 +45,7 @@ def _line(words: list[str], where: str, frames: Frames) -> Found | None:
     return Found(frames.known(frame, where), _name(kind, where), 1.0, code, number)
 
 
-def from_mots_png(folder: Path, frames: Frames) -> DetectionSet:
+def from_mots_png(folder: Path, frames: ImageFrames) -> DetectionSet:
     """Read pictures of 16 bits, a file a frame, whose values are 1000 x class + track."""
     found = []
     for path in files_in(folder, ".png"):

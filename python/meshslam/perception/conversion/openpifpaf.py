@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from meshslam.errors import DetectionError
-from meshslam.geometry.arrays import Floats
+from meshslam.geometry import Floats
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.conversion.frames import files_in, frame_of, loaded
 from meshslam.perception.detections import Detection, DetectionSet

@@ -9,11 +9,11 @@ import numpy as np
 
 from meshslam.errors import DetectionError
 from meshslam.perception.coco import COCO_CLASSES
-from meshslam.perception.conversion.frames import Found, Frames, files_in, frame_of, gathered, lines_of, numbers_of
+from meshslam.perception.conversion.frames import Found, ImageFrames, files_in, frame_of, gathered, lines_of, numbers_of
 from meshslam.perception.detections import DetectionSet
 
 
-def from_yolo_txt(folder: Path, frames: Frames, names: Sequence[str] = COCO_CLASSES) -> DetectionSet:
+def from_yolo_txt(folder: Path, frames: ImageFrames, names: Sequence[str] = COCO_CLASSES) -> DetectionSet:
     """Read `class x1 y1 x2 y2 ... [score]` with coordinates as shares of the image's size; without a score it is 1.
 
     A file's name ends in its frame number. DetectionError names file and line.
@@ -25,7 +25,7 @@ def from_yolo_txt(folder: Path, frames: Frames, names: Sequence[str] = COCO_CLAS
     return gathered(found, frames)
 
 
-def _found(words: list[str], where: str, frame: int, frames: Frames, names: Sequence[str]) -> Found:
+def _found(words: list[str], where: str, frame: int, frames: ImageFrames, names: Sequence[str]) -> Found:
     values = numbers_of(words, where)
     if len(values) < 7:
         raise DetectionError(f"{where}: found {len(values)} numbers, expected a class and at least three points")

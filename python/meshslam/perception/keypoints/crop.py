@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from meshslam.geometry.arrays import Bytes, Floats, Singles
+from meshslam.geometry import Bytes, Floats, Singles
 
 WIDTH_PX, HEIGHT_PX = 128, 96  # of the network's input
 ROOM = 1.25  # the crop's sides over the box's

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.geometry.arrays import Floats, Singles
+from meshslam.geometry import Floats, Singles
 
 KEYPOINTS = 12
 ANGLES = 36  # bins of the viewing angle; the first one's centre is 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,17 +14,11 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.errors import ModelError
-from meshslam.geometry.arrays import Bytes, Floats, Singles
+from meshslam.geometry import Bytes, Floats, Singles
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
-from meshslam.perception.keypoints.decode import (
-    ANGLES,
-    KEYPOINTS,
-    angle_distribution,
-    laplace_sigma,
-    points_in_input,
-)
+from meshslam.perception.keypoints.decode import ANGLES, KEYPOINTS, angle_distribution, laplace_sigma, points_in_input
 from meshslam.perception.keypoints.mirror import Answers, answers_of
 
 SHIPPED = "car_keypoints.onnx"
@@ -37,7 +32,7 @@ class KeypointConfig:
     enabled: bool = True
     model: str | None = None  # an ONNX file instead of the shipped one
     category: str = "car"  # whose key points the network knows; it is asked for every vehicle
-    least_box_px: float = 20.0  # of the longer side; smaller cars get none
+    min_box_px: float = 20.0  # of the longer side; smaller cars get none
     edge_margin_px: float = 10.0  # nor do those that the image's edge cuts: their part is taken for a whole car
     batch: int = 8
     sigma_factor: float = 1.0  # real images over drawn ones
@@ -105,18 +100,26 @@ def add_keypoints(
         return detections
     filled: dict[int, Detection] = {}
     for frame, found in detections.by_frame().items():
-        wanted = [d for d in found if d.category in VEHICLES and _whole(d, finder.config)]
-        masks = {d.id: d.mask() for d in wanted}
-        wanted = [d for d in wanted if masks[d.id].any()]
-        if wanted:
-            cars = finder.find(read_image(frame), [masks[d.id] for d in wanted])
-            filled.update({d.id: _with(d, car) for d, car in zip(wanted, cars, strict=True)})
+        filled.update(frame_keypoints(found, partial(read_image, frame), finder))
         if progress:
             progress(frame)
     categories = tuple(replace(c, keypoints=finder.names) if c.name in VEHICLES else c for c in detections.categories)
     return replace(
         detections, categories=categories, detections=tuple(filled.get(d.id, d) for d in detections.detections)
     )
+
+
+def frame_keypoints(
+    detections: Sequence[Detection], read_image: Callable[[], Bytes], finder: KeypointFinder
+) -> dict[int, Detection]:
+    """One frame's vehicles with their key points, by id; the image is read where there are any."""
+    wanted = [d for d in detections if d.category in VEHICLES and _whole(d, finder.config)]
+    masks = {d.id: d.mask() for d in wanted}
+    wanted = [d for d in wanted if masks[d.id].any()]
+    if not wanted:
+        return {}
+    cars = finder.find(read_image(), [masks[d.id] for d in wanted])
+    return {d.id: _with(d, car) for d, car in zip(wanted, cars, strict=True)}
 
 
 def has_keypoints(detections: DetectionSet) -> bool:
@@ -127,7 +130,7 @@ def has_keypoints(detections: DetectionSet) -> bool:
 def _whole(detection: Detection, config: KeypointConfig) -> bool:
     """Whether a car is large enough and not cut at the left, right or lower edge of the image."""
     (x, y, w, h), (height, width), margin = detection.bbox, detection.image_size, config.edge_margin_px
-    return max(w, h) >= config.least_box_px and x >= margin and x + w <= width - margin and y + h <= height - margin
+    return max(w, h) >= config.min_box_px and x >= margin and x + w <= width - margin and y + h <= height - margin
 
 
 def _with(detection: Detection, car: CarPoints) -> Detection:
@@ -149,7 +152,7 @@ def _box(mask: Bytes) -> tuple[float, float, float, float]:
     return float(x), float(y), float(w), float(h)
 
 
-def _session(path: Path, threads: int) -> Any:  # noqa: ANN401 # untyped package
+def _session(path: Path, threads: int) -> Any:  # untyped package  # noqa: ANN401 # untyped package
     import onnxruntime  # slow to import: only those who need key points wait for it
 
     if not path.is_file():

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshslam.categories.procedural.car import KEYPOINT_NAMES
-from meshslam.geometry.arrays import Bools, Singles
+from meshslam.categories import KEYPOINT_NAMES
+from meshslam.geometry import Bools, Singles
 from meshslam.perception.keypoints.decode import ANGLES, angle_centres, angle_distribution, peak_angle
 
 UNDECIDED = 0.15  # share of the viewing angles more than a quarter turn off the likeliest

@@ -1,1 +1,0 @@
-"""Many sequences, on one machine or on several."""

@@ -1,0 +1,30 @@
+"""The factor graph: window, factors, smoother, full-trajectory smoothing."""
+
+from meshslam.graph.config import SmootherConfig, StartConfig
+from meshslam.graph.full_trajectory import Pair
+from meshslam.graph.graph_archive import Arrays
+from meshslam.graph.object_factor import ObservationCost, place_camera, small_rotation
+from meshslam.graph.smoother import FullTrajectory, Smoother
+from meshslam.graph.smoother_archive import smoother_from_arrays, smoother_to_arrays
+from meshslam.graph.start_factors import start_covariance
+from meshslam.graph.state_marginal import StateMarginal, begin_with, marginal_of
+from meshslam.graph.window import Entry
+
+__all__ = [
+    "Arrays",
+    "Entry",
+    "FullTrajectory",
+    "ObservationCost",
+    "Pair",
+    "Smoother",
+    "SmootherConfig",
+    "StartConfig",
+    "StateMarginal",
+    "begin_with",
+    "marginal_of",
+    "place_camera",
+    "small_rotation",
+    "smoother_from_arrays",
+    "smoother_to_arrays",
+    "start_covariance",
+]

@@ -1,0 +1,48 @@
+"""Measurements of the images that are no objects, as factors: point tracks, displacements, objects on the road."""
+
+from __future__ import annotations
+
+from gtsam.symbol_shorthand import O, X
+
+from meshslam.features import PointConfig, PointTracks
+from meshslam.geometry import Camera
+from meshslam.graph.camera_states import CameraStates
+from meshslam.graph.displacement_factor import displacement_factor
+from meshslam.graph.point_factor import point_factor
+from meshslam.graph.road_factor import road_factor
+from meshslam.graph.tags import DISPLACEMENT, PointTag, RoadTag
+from meshslam.graph.window import Window
+
+
+class Measurements:
+    """Adds measurements to a window; what a newer one replaces is taken out, what it outdates is held linear."""
+
+    def __init__(self, window: Window, cameras: CameraStates) -> None:
+        self._window, self._cameras = window, cameras
+
+    def add_point_tracks(self, tracks: PointTracks, camera: Camera, config: PointConfig) -> None:
+        """Point tracks over some frames; those of the same first frame are replaced."""
+        tag = PointTag(tracks.row, tracks.first)
+        points = [e for e in self._window.entries if isinstance(e.tag, PointTag) and e.tag.row == tracks.row]
+        self._window.drop([e for e in points if e.tag == tag])
+        self._window.settle([e for e in points if e.tag != tag])
+        if tracks.tracks and self._cameras.holds(tracks.first):
+            frames = range(tracks.first, tracks.last + 1)
+            keys = {f: self._cameras.keys(f) for f in frames}
+            memos = {f: self._cameras.memo(f) for f in frames}
+            self._window.add(point_factor(tracks, keys, memos, camera, config), tag)
+
+    def add_displacement(self, first: int, second: int, displacement_m: float, sigma_m: float) -> None:
+        """The distance between the cameras of two frames, both of which are held."""
+        self._window.settle([e for e in self._window.entries if e.tag == DISPLACEMENT])
+        keys = [X(first), X(second)]
+        self._window.add(displacement_factor(keys, self._cameras.arm_m, displacement_m, sigma_m), DISPLACEMENT)
+
+    def add_road_height(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
+        """An object's origin lies so far below the camera of a frame: its wheels stand on the road.
+
+        An earlier measurement of its height in the window is replaced.
+        """
+        self._window.drop([e for e in self._window.entries if e.tag == RoadTag(number)])
+        factor = road_factor(X(frame), O(number), self._cameras.arm_m, below_camera_m, sigma_m)
+        self._window.settle([self._window.add(factor, RoadTag(number))])

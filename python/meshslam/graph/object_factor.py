@@ -1,0 +1,201 @@
+"""Factors of the graph whose cost the core computes: one call of Python a factor.
+
+Keys: X the IMU's pose, V its velocity, B biases (GTSAM's combined factor ties these), E the rotation imu_from_camera,
+T the time offset, O an object's pose, Z its modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import gtsam
+import numpy as np
+
+from meshslam.geometry import Floats, NoiseModel, ObjectModel, Pose, SquareRoot, View, cross_matrix, exp_so3
+from meshslam.motion import from_pose3, to_gtsam_columns
+
+REUSE_PX = 0.2  # a linearization is kept while it moves the object on the image by less,
+REUSE_MODES = 0.1  # and its modes by less
+
+CameraKeys = tuple[int, int, int, int]  # X, V, E, T
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPlace:
+    """world_from_camera with its derivatives over (translation, rotation) of the camera."""
+
+    pose: Pose
+    by_imu: Floats  # (6, 6), over (translation, rotation) of X
+    by_velocity: Floats  # (6, 3)
+    by_rotation: Floats  # (6, 3), over E
+    by_offset: Floats  # (6, 1), over T
+
+
+class CameraMemo:
+    """The camera of one frame at the last values asked for: all views of a frame ask for the same."""
+
+    def __init__(self, lever_arm_m: Floats, rate_rad_s: Floats) -> None:
+        self._arm, self._rate = lever_arm_m, rate_rad_s
+        self._at: tuple[bytes, ...] = ()
+        self._place: CameraPlace | None = None
+
+    def place(self, values: gtsam.Values, keys: CameraKeys) -> CameraPlace:
+        """The camera at these values."""
+        x, v, e, t = keys
+        pose, velocity, turn, offset = values.atPose3(x), values.atVector(v), values.atRot3(e), values.atVector(t)
+        matrix, turned = pose.matrix(), turn.matrix()
+        at = matrix.tobytes(), velocity.tobytes(), turned.tobytes(), offset.tobytes()
+        if self._place is None or at != self._at:
+            mounted = Pose(turned, self._arm)
+            world_from_imu = Pose(matrix[:3, :3], matrix[:3, 3])
+            self._at = at
+            self._place = place_camera(world_from_imu, velocity, mounted, float(offset[0]), self._rate)
+        return self._place
+
+
+def place_camera(
+    world_from_imu: Pose, velocity: Floats, imu_from_camera: Pose, offset_s: float, rate_rad_s: Floats
+) -> CameraPlace:
+    """The camera `offset_s` after the IMU's state, and how it moves with each of them.
+
+    R_c = R exp(w dt) R_e, p_c = p + v dt + R exp(w dt) t_e.
+    """
+    turn = exp_so3(rate_rad_s * offset_s)
+    turned, arm = world_from_imu.rotation @ turn, turn @ imu_from_camera.translation
+    rotation = turned @ imu_from_camera.rotation
+    pose = Pose(rotation, world_from_imu.translation + velocity * offset_s + world_from_imu.rotation @ arm)
+    camera_from_imu_now = (turn @ imu_from_camera.rotation).T
+    by_imu, by_offset = np.zeros((6, 6)), np.zeros((6, 1))
+    by_imu[:3, :3] = by_imu[3:, 3:] = camera_from_imu_now
+    by_imu[:3, 3:] = -camera_from_imu_now @ cross_matrix(arm)
+    by_velocity, by_rotation = np.zeros((6, 3)), np.zeros((6, 3))
+    by_velocity[:3] = offset_s * rotation.T
+    by_rotation[3:] = np.eye(3)
+    swing = turned @ (cross_matrix(rate_rad_s) @ imu_from_camera.translation)
+    by_offset[:3, 0] = rotation.T @ (velocity + swing)
+    by_offset[3:, 0] = imu_from_camera.rotation.T @ rate_rad_s
+    return CameraPlace(pose, by_imu, by_velocity, by_rotation, by_offset)
+
+
+def small_rotation(turn: Floats) -> Floats:
+    """Axis-angle vector (3,) of a rotation near the identity, to third order."""
+    (_, a, b), (c, _, d), (e, f, _) = turn.tolist()
+    return np.array([0.5 * (f - d), 0.5 * (b - e), 0.5 * (c - a)])
+
+
+@dataclass
+class ObservationCost:
+    """The cost of one view over camera_from_object and modes; a linearization serves until its image moves."""
+
+    model: ObjectModel
+    view: View | None  # None: the last linearization serves for good
+    noise: NoiseModel
+    focal_px: float
+    evaluations: int = 0
+    _at: tuple[Pose, Floats] | None = field(default=None, repr=False)
+    _root: SquareRoot | None = field(default=None, repr=False)
+
+    def linearize(self, camera_from_object: Pose, z: Floats | None = None) -> tuple[Floats, Floats]:
+        """Derivative (n + 1, n) over (translation, rotation, modes if z is given) and residual (n + 1,)."""
+        weights = np.zeros(0) if z is None else z
+        step = self._step(camera_from_object, weights)
+        if self.view is not None and (step is None or self._root is None):
+            self.evaluations += 1
+            self._root = self.model.square_root(self.view, self.noise, camera_from_object, z, modes=z is not None)
+            self._at = camera_from_object, weights
+            step = np.zeros(6 + len(weights))
+        assert step is not None
+        assert self._root is not None
+        jacobian = self._root.root[:, :-1]
+        residual: Floats = jacobian @ step + self._root.root[:, -1]
+        return jacobian, residual
+
+    def freeze(self, camera_from_object: Pose, z: Floats) -> None:
+        """Linearize here for good, and let the view go."""
+        self._at = None
+        self.linearize(camera_from_object, z)
+        self.view = None
+
+    @property
+    def linearization(self) -> tuple[tuple[Pose, Floats] | None, SquareRoot | None]:
+        """Where the cost was linearized last, and its square root there."""
+        return self._at, self._root
+
+    @linearization.setter
+    def linearization(self, kept: tuple[tuple[Pose, Floats] | None, SquareRoot | None]) -> None:
+        self._at, self._root = kept
+
+    @property
+    def frozen(self) -> tuple[Pose, Floats, SquareRoot]:
+        """Where the view was linearized last, and what it then said."""
+        assert self._at is not None
+        assert self._root is not None
+        return *self._at, self._root
+
+    def restore(self, camera_from_object: Pose, z: Floats, root: SquareRoot) -> None:
+        """Take over a linearization."""
+        self._at, self._root = (camera_from_object, z), root
+
+    def cost_share(self, camera_from_object: Pose, z: Floats | None = None) -> float:
+        """Cost per independent observation: about 1/2 where the model is right."""
+        _, residual = self.linearize(camera_from_object, z)
+        assert self._root is not None
+        return 0.5 * float(residual @ residual) / max(self._root.observations, 1.0)
+
+    def _step(self, camera_from_object: Pose, z: Floats) -> Floats | None:
+        """From the last linearization to here; None if there is none, or it is too far."""
+        if self._at is None:
+            return None
+        at, old_z = self._at
+        turn = at.rotation.T @ camera_from_object.rotation
+        moved = camera_from_object.translation - at.translation
+        small = small_rotation(turn)
+        step = np.concatenate([at.rotation.T @ moved, small, z - old_z])
+        if self.view is None:
+            return step
+        depth = max(float(at.translation[2]), 1.0)
+        # the rotation of the relative pose moves the object's surface, about 2 m off its centre
+        moved_m = max(map(abs, moved.tolist())) + 2.0 * max(map(abs, small.tolist()))
+        if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > REUSE_MODES):
+            return None
+        return step
+
+
+def object_factor(
+    cost: ObservationCost,
+    camera_keys: CameraKeys,
+    camera_memo: CameraMemo,
+    world_from_object: Pose | int,
+    z: Floats | int | None = None,
+) -> gtsam.CustomFactor:
+    """A view as a factor over the camera's keys, and over the object's pose and modes where these are keys.
+
+    `camera_memo` is shared by the views of a frame.
+    """
+    pose_is_key, modes_are_key = isinstance(world_from_object, int), isinstance(z, int)
+    keys = list(camera_keys)
+    keys += [key for key in (world_from_object, z) if isinstance(key, int)]
+    modes = cost.model.mode_count if z is not None else 0
+    rows = 7 + (modes if modes_are_key else 0)
+
+    def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        camera = camera_memo.place(values, camera_keys)
+        placed = (
+            from_pose3(values.atPose3(world_from_object)) if isinstance(world_from_object, int) else world_from_object
+        )
+        weights = values.atVector(z) if isinstance(z, int) else z
+        camera_from_object = camera.pose.inverse() @ placed
+        by_object, residual = cost.linearize(camera_from_object, weights if modes_are_key else None)
+        if jacobians is not None:
+            by_camera = -by_object[:, :6] @ camera_from_object.inverse().adjoint()
+            jacobians[0] = to_gtsam_columns(by_camera @ camera.by_imu)
+            jacobians[1] = np.asfortranarray(by_camera @ camera.by_velocity)
+            jacobians[2] = np.asfortranarray(by_camera @ camera.by_rotation)
+            jacobians[3] = np.asfortranarray(by_camera @ camera.by_offset)
+            if pose_is_key:
+                jacobians[4] = to_gtsam_columns(by_object[:, :6])
+            if modes_are_key:
+                jacobians[-1] = np.asfortranarray(by_object[:, 6:])
+        return residual
+
+    return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(rows), keys, error)

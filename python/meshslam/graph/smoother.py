@@ -1,0 +1,143 @@
+"""The fixed-lag smoother: the states of the last seconds, and the objects that they observe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import B, O, V, X
+
+from meshslam.geometry import Floats, Pose
+from meshslam.graph.camera_states import CameraStates, FrameEstimate
+from meshslam.graph.config import SmootherConfig, StartConfig
+from meshslam.graph.full_trajectory import History, Pair, smooth_full_trajectory
+from meshslam.graph.measurements import Measurements
+from meshslam.graph.object_factor import place_camera
+from meshslam.graph.object_variables import ObjectVariables
+from meshslam.graph.start_factors import OFFSET, ROTATION, start_factors
+from meshslam.graph.window import Window
+from meshslam.motion import (
+    OURS_FROM_GTSAM,
+    ImuConfig,
+    Interval,
+    Mounting,
+    NavState,
+    RelativeMotion,
+    from_pose3,
+    to_pose3,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FullTrajectory:
+    """All frames of a run, smoothed together."""
+
+    world_from_camera: tuple[Pose, ...]
+    world_from_object: dict[int, Pose]  # of landmarks
+    modes: dict[int, Floats]  # likewise, (modes,)
+    joined: tuple[Pair, ...]  # landmarks that are one object
+
+
+class Smoother:
+    """Predict with `advance`, add factors through `objects` and `measurements`, `solve`, then `retire` what is old."""
+
+    def __init__(
+        self,
+        imu: ImuConfig,
+        start: StartConfig,
+        lag: SmootherConfig,
+        mounting: Mounting,
+        *,
+        keep_history: bool = False,
+    ) -> None:
+        self._imu, self._start, self._lag, self._mounting = imu, start, lag, mounting
+        self.window = Window()
+        self.history = History() if keep_history else None
+        self.cameras = CameraStates(self.window, mounting)
+        self.objects = ObjectVariables(self.window, self.cameras)
+        self.measurements = Measurements(self.window, self.cameras)
+
+    @property
+    def frame(self) -> int:
+        """The newest frame."""
+        return self.cameras.newest
+
+    @property
+    def frames(self) -> list[int]:
+        """The frames that are held."""
+        return self.cameras.held
+
+    def estimate(self, frame: int) -> FrameEstimate:
+        """The current estimate of a frame that is held."""
+        return self.cameras.estimate(frame)
+
+    def begin(self, state: NavState, rate_rad_s: Floats) -> None:
+        """The first frame: its state and the mounting, each with its prior."""
+        self.cameras.insert(0, state, rate_rad_s)
+        values, mounting = self.window.values, self._mounting
+        values.insert(ROTATION, gtsam.Rot3(mounting.imu_from_camera.rotation))
+        values.insert(OFFSET, np.array([mounting.time_offset_s]))
+        for factor in start_factors(self._start, self._imu, state, mounting):
+            self.window.add(factor)
+
+    def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
+        """The next frame, tied to the last by its IMU samples, or by the camera's relative motion."""
+        i, j = self.frame, self.frame + 1
+        self.cameras.insert(j, predicted, tie.angular_rate_rad_s)
+        if isinstance(tie, Interval):
+            self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), tie.measurements))
+            return
+        diagonal, isotropic = gtsam.noiseModel.Diagonal.Sigmas, gtsam.noiseModel.Isotropic.Sigma
+        step = to_pose3(tie.first_from_second)
+        self.window.add(gtsam.BetweenFactorPose3(X(i), X(j), step, diagonal(tie.sigmas[OURS_FROM_GTSAM])))
+        # velocity and biases mean nothing here; the keys of observations ask for them
+        self.window.add(gtsam.PriorFactorVector(V(j), predicted.velocity_in_world, isotropic(3, 1.0)))
+        self.window.add(gtsam.PriorFactorConstantBias(B(j), gtsam.imuBias.ConstantBias(), isotropic(6, 1e-3)))
+
+    def solve(self) -> None:
+        """Lower the cost of the window; observations that are old enough are held as linear factors."""
+        self.window.optimize(self._lag.iterations)
+        oldest = self.frame - self._lag.settled_frames
+        self.window.settle([e for e, tag in self.objects.observations() if tag.frame <= oldest])
+
+    def leaves_next(self, number: int) -> bool:
+        """Whether `retire` will take an object out of the window."""
+        return self.objects.last_frame(number) in self._too_old()
+
+    def _too_old(self) -> list[int]:
+        return self.cameras.older_than(self.cameras.time_s(self.frame) - self._lag.lag_s)
+
+    def retire(self) -> None:
+        """States older than the lag, and objects that only they observed, become a linearized prior."""
+        keys = self.cameras.retire(self._too_old())
+        keys |= self.objects.retire_unobserved()
+        if self.history is None:
+            self.window.marginalize(keys)
+        else:
+            self.history.take(self.window, keys)
+
+    def forget(self, number: int) -> None:
+        """Take back all observations of an object, but for what has become a prior of others."""
+        self.objects.forget(number)
+        if self.history is not None:
+            self.history.forget(number)
+
+    def full_trajectory(self, joined: Sequence[Pair], iterations: int) -> FullTrajectory:
+        """Smooth over all frames and landmarks there were, `joined` being pairs of landmarks that are one object."""
+        assert self.history is not None
+        values, held = smooth_full_trajectory(self.history, self.window, joined, iterations)
+        turn = Pose(values.atRot3(ROTATION).matrix(), self.cameras.arm_m)
+        offset = float(values.atVector(OFFSET)[0])
+        cameras = [
+            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
+            for f, rate in sorted(self.cameras.rates_rad_s.items())
+        ]
+        modes = {gtsam.Symbol(k).index(): values.atVector(k) for k in sorted(values.keys()) if _is_modes(k)}
+        objects = {number: from_pose3(values.atPose3(O(number))) for number in modes}
+        return FullTrajectory(tuple(cameras), objects, modes, held)
+
+
+def _is_modes(key: int) -> bool:
+    return chr(gtsam.Symbol(key).chr()) == "z"

@@ -1,0 +1,131 @@
+"""Localization of a whole sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence as Rows
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from meshslam.geometry import Pose, log_so3
+from meshslam.initialization import (
+    EstimationConfig,
+    FirstFrames,
+    level_from_world,
+    moved_map,
+    moved_path,
+    moved_sequence,
+)
+from meshslam.localization.config import LocalizationConfig
+from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+from meshslam.localization.gradient_estimator import GradientEstimator
+from meshslam.localization.known_objects import KnownObject, known_objects
+from meshslam.localization.relocalization import MapStart, start_in_map
+from meshslam.maps import Map
+from meshslam.motion import Mounting, NavState, check_imu, inertial_path, start_state
+from meshslam.perception import Detection, DetectionSet, track
+from meshslam.sequences import ImuSamples, Sequence, turns
+
+
+class PathEstimator(Protocol):
+    """Finds the camera of one frame after the other in a map."""
+
+    objects: Rows[KnownObject]
+    path: dict[int, Pose]
+    moved: dict[int, int]
+
+    def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
+        """The first frame."""
+
+    def process(self, frame: int, time_s: float, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
+        """The next frame."""
+
+    @property
+    def current_mounting(self) -> Mounting:
+        """How the camera is mounted."""
+
+    def paths_by_iteration(self) -> tuple[tuple[Pose, ...], ...]:
+        """The path after 0, 1, ... iterations, where the solver has any."""
+
+
+SOLVERS: dict[str, Callable[..., PathEstimator]] = {"smoother": LocalizationEstimator, "gradient": GradientEstimator}
+
+
+@dataclass(frozen=True, eq=False)
+class Localization:
+    """The camera's path in a map, and how it came about."""
+
+    world_from_camera: tuple[Pose, ...]  # after smoothing
+    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    inertial: tuple[Pose, ...]  # by the IMU alone
+    detections: DetectionSet  # with the map's ids
+    moved: dict[int, int]  # objects that were moved since, and the frame that showed it
+    figures: dict[str, float]
+    iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # gradient solver: the path after each iteration
+
+
+def localize_sequence(
+    sequence: Sequence,
+    detections: DetectionSet,
+    scene: Map,
+    estimation: EstimationConfig,
+    config: LocalizationConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Localization:
+    """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
+    imu, imu_from_camera = check_imu(sequence, estimation.imu)
+    level = level_from_world(sequence, imu, imu_from_camera)
+    sequence, objects = moved_sequence(sequence, level), known_objects(moved_map(scene, level))
+    mounting, back = Mounting(imu_from_camera), level.inverse()
+    names, by_frame = {c.name: c.keypoints for c in detections.categories}, detections.by_frame()
+
+    def fresh(settings: EstimationConfig) -> LocalizationEstimator:
+        return LocalizationEstimator(sequence.camera, objects, mounting, names, settings, config)
+
+    if sequence.initial_state is None and sequence.world_from_camera is None:
+        tracked = track(detections, None, turn=turns(sequence)).detections
+        given = MapStart(FirstFrames.of(sequence), imu, imu_from_camera, by_frame, tracked, names)
+        start, estimation = start_in_map(given, objects, fresh, estimation, config, progress)
+    else:
+        start = start_state(sequence, imu, imu_from_camera)
+    estimator = SOLVERS[config.solver](sequence.camera, objects, mounting, names, estimation, config)
+    reports: list[FrameReport] = []
+    for index, frame in enumerate(sequence.frame_ids):
+        found = by_frame.get(frame, ())
+        if index == 0:
+            reports.append(estimator.begin(frame, start, imu, found))
+        else:
+            reports.append(estimator.process(frame, float(sequence.times_s[index]), imu, found))
+        if progress is not None:
+            progress("localize", index + 1, len(sequence))
+    ids: dict[int, int | None] = {d.id: None for d in detections.detections}
+    for report in reports:
+        ids.update(report.object_of_detection)
+    return Localization(
+        moved_path(tuple(estimator.path[frame] for frame in sequence.frame_ids), back),
+        moved_path(tuple(report.corrected for report in reports), back),
+        moved_path(inertial_path(imu, sequence.times_s, start, mounting, estimation.imu), back),
+        detections.with_tracks(ids),
+        dict(estimator.moved),
+        _figures(estimator, reports, imu_from_camera),
+        tuple(moved_path(path, back) for path in estimator.paths_by_iteration()),
+    )
+
+
+def _figures(estimator: PathEstimator, reports: list[FrameReport], imu_from_camera: Pose) -> dict[str, float]:
+    mounting = estimator.current_mounting
+    turn = imu_from_camera.rotation.T @ mounting.imu_from_camera.rotation
+    return {
+        "frames": len(reports),
+        "objects_in_map": len(estimator.objects),
+        "objects_seen": len({number for report in reports for number in report.object_of_detection.values()}),
+        "objects_moved": len(estimator.moved),
+        "views_used": sum(len(report.object_of_detection) for report in reports),
+        "views_refused": sum(len(report.refused) for report in reports),
+        "frames_without_objects": sum(not report.object_of_detection for report in reports),
+        "frames_with_imu_gap": sum(report.has_gap for report in reports),
+        "imu_time_offset_s": mounting.time_offset_s,
+        "imu_from_camera_change_deg": float(np.degrees(np.linalg.norm(log_so3(turn)))),
+    }

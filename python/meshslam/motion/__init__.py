@@ -1,0 +1,47 @@
+"""IMU samples, preintegration, states and what moves the camera from frame to frame."""
+
+from meshslam.motion.config import ImuConfig, OdometryConfig
+from meshslam.motion.gtsam_bridge import OURS_FROM_GTSAM, from_pose3, to_gtsam_columns, to_gtsam_covariance, to_pose3
+from meshslam.motion.imu import (
+    Interval,
+    Mounting,
+    NavState,
+    Preintegrator,
+    RelativeMotion,
+    check_imu,
+    predict,
+    rate_at,
+    sample_rate_hz,
+    state_of_camera,
+)
+from meshslam.motion.imu_buffer import ImuBuffer
+from meshslam.motion.inertial_odometry import first_velocity, inertial_path, start_state
+from meshslam.motion.sources import ImageMotion, ImuMotion, MotionSource, OdometryMotion
+
+__all__ = [
+    "OURS_FROM_GTSAM",
+    "ImageMotion",
+    "ImuBuffer",
+    "ImuConfig",
+    "ImuMotion",
+    "Interval",
+    "MotionSource",
+    "Mounting",
+    "NavState",
+    "OdometryConfig",
+    "OdometryMotion",
+    "Preintegrator",
+    "RelativeMotion",
+    "check_imu",
+    "first_velocity",
+    "from_pose3",
+    "inertial_path",
+    "predict",
+    "rate_at",
+    "sample_rate_hz",
+    "start_state",
+    "state_of_camera",
+    "to_gtsam_columns",
+    "to_gtsam_covariance",
+    "to_pose3",
+]

@@ -1,0 +1,23 @@
+"""Camera and objects in one graph."""
+
+from meshslam.object_slam.config import SlamConfig
+from meshslam.object_slam.estimator import SlamEstimator
+from meshslam.object_slam.joint_gradient import joint_descent
+from meshslam.object_slam.landmarks import joined_tracks
+from meshslam.object_slam.loop_closure import LoopClosureConfig
+from meshslam.object_slam.result import SlamResult, SlamState
+from meshslam.object_slam.sequence import slam_sequence
+from meshslam.object_slam.slam import Slam, SlamSettings
+
+__all__ = [
+    "LoopClosureConfig",
+    "Slam",
+    "SlamConfig",
+    "SlamEstimator",
+    "SlamResult",
+    "SlamSettings",
+    "SlamState",
+    "joined_tracks",
+    "joint_descent",
+    "slam_sequence",
+]

@@ -1,0 +1,141 @@
+"""Loop closure: landmarks in view that stand to each other as older landmarks do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshslam.geometry import Floats, Pose
+
+
+@dataclass(frozen=True)
+class LoopClosureConfig:
+    """How loops are closed."""
+
+    enabled: bool = True
+    min_views: int = 8  # of a landmark in view, before it is compared
+    max_distance_m: float = 25.0  # and so near must it have been
+    radius_m: float = 1.0  # about where a known landmark is expected,
+    drift_share: float = 0.02  # and so much more of the distance travelled since the last loop closure,
+    max_radius_m: float = 12.0  # at most
+    heading_deg: float = 12.0
+    size_ratio: float = 0.15  # of length, width and height, as logarithm
+    place_sigma_m: float = 0.5  # of one object against the others,
+    turn_sigma_rad: float = 0.03  # and so much more for every metre between them
+    apart_m: float = 2.5  # two objects are not nearer to each other
+    min_objects: int = 3  # that must agree, where the path has drifted by more than
+    sure_radius_m: float = 2.0  # this; else one is enough
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLandmark:
+    """A landmark with its place in the map, as far as that is known."""
+
+    number: int
+    track: int
+    pose: Pose
+    dimensions: Floats  # (3,)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopClosure:
+    """Landmarks in view that are older ones, (in view, older), and how the odometry's world is to be moved."""
+
+    pairs: tuple[tuple[int, int], ...]
+    correction: Pose
+
+
+def match_landmarks(
+    seen: Sequence[PlacedLandmark], known: Sequence[PlacedLandmark], radii_m: Sequence[float], config: LoopClosureConfig
+) -> LoopClosure | None:
+    """The largest set of pairs that one small motion explains; None if it is too small.
+
+    `radii_m`: how far off each known object may seem. Turns are small and about the vertical: a pair alone tells the
+    motion, and others agree if their own differs by no more than a small turn makes of the distance between them.
+    """
+    pairs = _candidates(seen, known, radii_m, config)
+    best: list[tuple[int, int]] = []
+    for i, a in pairs:
+        agreeing = _agreeing(seen, known, pairs, (i, a), config)
+        if len(agreeing) > len(best):
+            best = agreeing
+    if not best:
+        return None
+    correction = _motion(
+        np.array([seen[i].pose.translation for i, _ in best]), np.array([known[a].pose.translation for _, a in best])
+    )
+    left = [np.linalg.norm(correction.transform(seen[i].pose.translation) - known[a].pose.translation) for i, a in best]
+    sure = all(radii_m[a] <= config.sure_radius_m for _, a in best)
+    needed = (1 if sure else config.min_objects) + 2 * _contradictions(seen, known, best, correction, config)
+    if len(best) < needed or max(left) > config.place_sigma_m:
+        return None
+    return LoopClosure(tuple((seen[i].number, known[a].number) for i, a in best), correction)
+
+
+def _contradictions(
+    seen: Sequence[PlacedLandmark],
+    known: Sequence[PlacedLandmark],
+    pairs: Sequence[tuple[int, int]],
+    correction: Pose,
+    config: LoopClosureConfig,
+) -> int:
+    """How many objects in view would stand in known ones that they are not."""
+    paired, taken = {i for i, _ in pairs}, {a for _, a in pairs}
+    others = [correction.transform(one.pose.translation) for i, one in enumerate(seen) if i not in paired]
+    free = [other.pose.translation for a, other in enumerate(known) if a not in taken]
+    return sum(any(np.linalg.norm(place - at) < config.apart_m for at in free) for place in others)
+
+
+def _candidates(
+    seen: Sequence[PlacedLandmark], known: Sequence[PlacedLandmark], radii_m: Sequence[float], config: LoopClosureConfig
+) -> list[tuple[int, int]]:
+    if not seen or not known:
+        return []
+    least, at = np.cos(np.radians(config.heading_deg)), np.array([other.pose.translation for other in known])
+    found = []
+    for i, one in enumerate(seen):
+        near = np.linalg.norm(at - one.pose.translation, axis=1) <= radii_m
+        for a in np.flatnonzero(near).tolist():
+            along = float(one.pose.rotation[:, 0] @ known[a].pose.rotation[:, 0]) >= least
+            if along and np.abs(np.log(one.dimensions / known[a].dimensions)).max() <= config.size_ratio:
+                found.append((i, a))
+    return found
+
+
+def _agreeing(
+    seen: Sequence[PlacedLandmark],
+    known: Sequence[PlacedLandmark],
+    pairs: Sequence[tuple[int, int]],
+    first: tuple[int, int],
+    config: LoopClosureConfig,
+) -> list[tuple[int, int]]:
+    """The pairs that move as the first does, one to one, the best first."""
+    i, a = first
+    motion = known[a].pose.translation - seen[i].pose.translation
+    ranked = []
+    for j, b in pairs:
+        gap = float(np.linalg.norm(known[b].pose.translation - seen[j].pose.translation - motion))
+        apart = float(np.linalg.norm(seen[j].pose.translation - seen[i].pose.translation))
+        slack = config.place_sigma_m + config.turn_sigma_rad * apart
+        if gap <= slack:
+            ranked.append((gap / slack, j, b))
+    taken_seen, taken_known, kept = set(), set(), []
+    for _, j, b in sorted(ranked):
+        if j not in taken_seen and b not in taken_known:
+            taken_seen.add(j)
+            taken_known.add(b)
+            kept.append((j, b))
+    return kept
+
+
+def _motion(points: Floats, targets: Floats) -> Pose:
+    """The turn about the vertical and the translation that lay points (n, 3) on targets; no turn where n < 3."""
+    middle, aim = points.mean(0), targets.mean(0)
+    turn = 0.0
+    if len(points) > 2:
+        p, q = (points - middle)[:, :2], (targets - aim)[:, :2]
+        turn = float(np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum()))
+    moved = Pose.from_yaw(turn, np.zeros(3))
+    return Pose(moved.rotation, aim - moved.rotation @ middle)

@@ -1,0 +1,54 @@
+"""What SLAM found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from meshslam.geometry import Floats, Pose
+from meshslam.mapping import ObjectMapping
+from meshslam.maps import Map, Trajectory
+from meshslam.perception import DetectionSet
+
+
+@dataclass(frozen=True, eq=False)
+class SlamState:
+    """What is known when a frame was taken in.
+
+    `world_from_camera` is None while SLAM has not started: without a given start it looks at the first seconds, which
+    it then goes through at once.
+    """
+
+    frame: int
+    time_s: float
+    world_from_camera: Pose | None  # in the map: it jumps where a loop is closed
+    world_from_odometry: Pose  # the jumps so far; their inverse before the pose gives a path without any
+    velocity_in_world: Floats | None  # (3,), m/s, of the IMU, or of the camera where there is none
+    objects: tuple[int, ...]  # landmarks that this frame shows
+    loop_closures: int  # landmarks that turned out to be older ones, so far
+    has_imu_gap: bool = False
+
+    @property
+    def is_started(self) -> bool:
+        """Whether there is a pose."""
+        return self.world_from_camera is not None
+
+
+@dataclass(frozen=True, eq=False)
+class SlamResult:
+    """Trajectory and map of a run, smoothed as a whole."""
+
+    trajectory: Trajectory
+    filtered: tuple[Pose, ...]  # world_from_camera as each was known when its frame came
+    mapping: ObjectMapping  # the map, what was left out and why
+    detections: DetectionSet  # tracks that show one object are one
+    figures: dict[str, float]
+    notes: tuple[str, ...] = ()
+    world_from_graph: Pose = field(default_factory=Pose.identity)  # the result's world from the graph's
+    alone: tuple[Pose, ...] = ()  # the path without objects: by IMU or odometry; empty by images alone
+    alone_by: str = ""  # its name
+    iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # solver gradient: the path after each iteration
+
+    @property
+    def map(self) -> Map:
+        """The objects."""
+        return self.mapping.map

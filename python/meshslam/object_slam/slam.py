@@ -1,0 +1,455 @@
+"""SLAM as a robot uses it: frames and IMU samples in, poses and meshes out; saved and loaded in the middle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from meshslam.categories import Category, load_category
+from meshslam.errors import SequenceError
+from meshslam.features import ImageFeatures
+from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.graph import StartConfig
+from meshslam.initialization import EstimationConfig
+from meshslam.localization import Stream, read_archive, under, write_archive
+from meshslam.mapping import MappingConfig
+from meshslam.maps import Map, MapObject, Trajectory
+from meshslam.motion import ImageMotion, ImuMotion, MotionSource, Mounting, NavState, OdometryMotion
+from meshslam.object_slam.archive import (
+    detection_from_plain,
+    detection_to_plain,
+    estimator_from_arrays,
+    estimator_to_arrays,
+)
+from meshslam.object_slam.config import SlamConfig
+from meshslam.object_slam.estimator import SlamEstimator, SlamReport
+from meshslam.object_slam.landmarks import Landmark, joined_tracks
+from meshslam.object_slam.refinement import refined_mapping, starts_of
+from meshslam.object_slam.result import SlamResult, SlamState
+from meshslam.object_slam.setup import SlamSetup
+from meshslam.object_slam.start import NO_IMU, FirstSeconds, StreamFrame
+from meshslam.objects import ObjectConfig
+from meshslam.perception import (
+    CategoryEntry,
+    Detection,
+    DetectionSet,
+    FramePerception,
+    ImageEntry,
+    KeypointConfig,
+    Segmenter,
+    SegmenterConfig,
+    TrackerConfig,
+)
+from meshslam.sequences import ImuSamples, InitialState
+
+FORMAT = "meshslam-slam-2"
+Progress = Callable[[str, int, int], None]
+
+
+class SlamSettings(Protocol):
+    """The part of `Config` that SLAM uses."""
+
+    @property
+    def slam(self) -> SlamConfig:
+        """Of SLAM alone."""
+
+    @property
+    def estimation(self) -> EstimationConfig:
+        """Of IMU, start and smoother."""
+
+    @property
+    def objects(self) -> ObjectConfig:
+        """Of one object's estimate."""
+
+    @property
+    def mapping(self) -> MappingConfig:
+        """Of which tracks become objects."""
+
+    @property
+    def segmentation(self) -> SegmenterConfig:
+        """Of the segmentation network."""
+
+    @property
+    def keypoints(self) -> KeypointConfig:
+        """Of the key point network."""
+
+    @property
+    def tracking(self) -> TrackerConfig:
+        """Of the tracker."""
+
+
+@dataclass(frozen=True)
+class _DefaultSettings:
+    slam: SlamConfig = field(default_factory=SlamConfig)
+    estimation: EstimationConfig = field(default_factory=EstimationConfig)
+    objects: ObjectConfig = field(default_factory=ObjectConfig)
+    mapping: MappingConfig = field(default_factory=MappingConfig)
+    segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
+    keypoints: KeypointConfig = field(default_factory=KeypointConfig)
+    tracking: TrackerConfig = field(default_factory=TrackerConfig)
+
+
+class Slam:
+    """The camera among objects that are not known before, frame by frame.
+
+    The camera is moved by an IMU (`imu_from_camera`), by poses that come with the frames (`by_odometry`), or by the
+    images alone. Frames bring images, detections, or both; images are undistorted, BGR (h, w, 3). With images the
+    network `segmenter` finds the objects, the shipped one their key points, and a tracker follows them; point tracks
+    and the road measure the camera's motion.
+
+    The world is z up: that of `start`; without a start the first camera is its origin, with x ahead.
+
+    Example:
+        slam = Slam(drive.camera, imu_from_camera=drive.imu_from_camera, segmenter="yolov5n-seg.onnx")
+        state = slam.process(image=image, imu=samples, time_s=12.3)
+        cars = slam.map()
+
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        category: str | Category = "car",
+        imu_from_camera: Pose | None = None,
+        by_odometry: bool = False,
+        height_above_ground_m: float | None = None,
+        start: InitialState | None = None,
+        segmenter: Segmenter | Path | str | None = None,
+        keypoint_names: Sequence[str] | None = None,
+        config: SlamSettings | None = None,
+        source: str = "stream",
+    ) -> None:
+        """`keypoint_names` is their order in given detections, the category's own if it is not given.
+
+        `height_above_ground_m` of the camera, where it is known, is a measure of length. `source` is what messages call
+        the stream.
+        """
+        settings = config or _DefaultSettings()
+        known = load_category(category) if isinstance(category, str) else category
+        slam, moved_by_imu = settings.slam, imu_from_camera is not None and not by_odometry
+        if not moved_by_imu:  # the camera is its own IMU
+            slam = replace(slam, time_offset_sigma_s=1e-6, extrinsic_rotation_sigma_deg=1e-4)
+        mounted = imu_from_camera if moved_by_imu and imu_from_camera is not None else Pose.identity()
+        names = known.keypoint_names if keypoint_names is None else tuple(keypoint_names)
+        self._setup = SlamSetup(
+            camera,
+            known,
+            names,
+            Mounting(mounted),
+            height_above_ground_m,
+            slam,
+            settings.estimation,
+            settings.objects,
+            settings.mapping,
+        )
+        self._moved_by_imu, self._by_odometry = moved_by_imu, by_odometry
+        self._given_start, self._source = start, source
+        self._perception = FramePerception(segmenter, settings.segmentation, settings.keypoints, settings.tracking)
+        self._stream = Stream()
+        self._image_features: ImageFeatures | None = None
+        self._odometry: list[Pose] = []
+        self._waiting: list[StreamFrame] = []
+        self._estimator: SlamEstimator | None = None
+        self._detections: dict[int, tuple[Detection, ...]] = {}  # by frame, for the refinement of the map
+        self.first_state: NavState  # the first frame's, as it was given or found
+        self._filtered: list[Pose] = []
+        self._counts = {"frames_with_imu_gap": 0, "frames_without_objects": 0}
+
+    def process(
+        self,
+        *,
+        time_s: float,
+        image: Bytes | None = None,
+        imu: ImuSamples | None = None,
+        detections: Sequence[Detection] | None = None,
+        odometry: Pose | None = None,
+        frame: int | None = None,
+    ) -> SlamState:
+        """Take the next frame, with the IMU samples since the last one.
+
+        `detections` are used as they are, and get tracks where they have none; `odometry` is the frame's
+        world_from_camera where poses move the camera; `frame` is its number, counted on if it is not given.
+        SequenceError if time does not go on, or if something is missing.
+        """
+        number = self._stream.next_number if frame is None else frame
+        tracked = self._perception.process(number, image, detections)
+        return self.process_tracked(StreamFrame(number, time_s, tracked), image=image, imu=imu, odometry=odometry)
+
+    def process_tracked(
+        self,
+        frame: StreamFrame,
+        *,
+        image: Bytes | None = None,
+        imu: ImuSamples | None = None,
+        odometry: Pose | None = None,
+        progress: Progress | None = None,
+    ) -> SlamState:
+        """As `process`, with detections that are on tracks and have their key points."""
+        self._check(frame.number, image, odometry)
+        self._stream.take(frame.number, frame.time_s, NO_IMU if imu is None else imu)
+        if odometry is not None:
+            self._odometry.append(odometry)
+        if image is not None:
+            self._features().take(image, frame.detections)
+        if self._setup.slam.refine_map:
+            self._detections[frame.number] = frame.detections
+        if self._estimator is not None:
+            return self._step(frame)
+        self._waiting.append(frame)
+        return self._begin(progress) if self._first_seconds().suffice() else self._waiting_state()
+
+    def map(self) -> Map:
+        """The objects as they are now: mesh, pose and its covariance; ids are tracks.
+
+        Meshes are the category's mean with its modes; `finish` fits them once more, with free form.
+        """
+        if self._estimator is None:
+            return Map(())
+        one = joined_tracks(self._estimator.landmarks, self._estimator.joined)
+        latest = {one.get(m.track, m.track): m for m in self._estimator.landmarks.values() if not m.moves}
+        return Map(tuple(self._map_object(number, mark) for number, mark in latest.items()))
+
+    def trajectory(self) -> Trajectory:
+        """The camera's path so far, each frame as last estimated in the lag; `finish` smooths all of it together."""
+        estimator = self._started()
+        to_map = estimator.odometry_frame.map_from_odometry
+        return Trajectory(np.array(estimator.times_s), tuple(to_map @ estimator.path[f] for f in estimator.frame_ids))
+
+    def camera_covariance(self) -> Floats:
+        """Covariance (6, 6) of the newest world_from_camera, right perturbation, (translation, rotation), m and rad."""
+        return self._started().camera_covariance()
+
+    def landmarks(self) -> tuple[Landmark, ...]:
+        """All landmarks so far, each stay in view by itself."""
+        return () if self._estimator is None else tuple(self._estimator.landmarks.values())
+
+    def finish(
+        self,
+        detections: DetectionSet | None = None,
+        world_from_first_camera: Callable[[Pose], Pose] | None = None,
+        *,
+        fixed_tracks: bool = False,
+        progress: Progress | None = None,
+    ) -> SlamResult:
+        """All frames so far smoothed together, and the map along them; the run can go on.
+
+        The graph's objects are fitted once more along the smoothed path, with free form, who hides whom known from
+        their places; tracks that the graph never took in are tried once more (`slam.refine_map`). `detections` are
+        those of the whole run, where they are at hand. `world_from_first_camera` takes the first camera's smoothed pose
+        to the transform into the world that the result is wanted in. `fixed_tracks`: track ids were given, so that no
+        two are joined.
+        """
+        if self._estimator is None and self._waiting:
+            self._begin(progress)
+        estimator = self._started()
+        full = estimator.finish()
+        one = {} if fixed_tracks else joined_tracks(estimator.landmarks, full.joined)
+        world = (
+            Pose.identity() if world_from_first_camera is None else world_from_first_camera(full.world_from_camera[0])
+        )
+        times_s = np.array(estimator.times_s)
+        path = Trajectory(times_s, tuple(world @ pose for pose in full.world_from_camera))
+        found = self._detection_set() if detections is None else detections
+        found = found.with_tracks({d.id: one[d.track_id] for d in found.detections if d.track_id in one})
+        starts = starts_of(estimator.landmarks, full.world_from_object, one, world)
+        mapping, notes = refined_mapping(
+            self._setup, estimator.frame_ids, path, found, starts, fixed_tracks=fixed_tracks, progress=progress
+        )
+        filtered = tuple(world @ pose for pose in self._filtered)
+        figures = self._figures(estimator, {new for new, _ in full.joined})
+        return SlamResult(path, filtered, mapping, mapping.detections, figures, notes, world)
+
+    def save(self, path: Path) -> None:
+        """Write the whole run (.npz): it goes on here, and where it is loaded, in the same way.
+
+        Observations are linear from here on, and what they were made of is let go. SequenceError before it has started.
+        """
+        if self._stream.last_s is None:
+            raise SequenceError("nothing to save: no frame was processed yet")
+        estimator = self._started()
+        arrays = {f"estimator_{k}": v for k, v in estimator_to_arrays(estimator).items()}
+        arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
+        if self._image_features is not None:
+            arrays |= {f"features_{k}": v for k, v in self._image_features.to_arrays().items()}
+        arrays |= self._own_arrays()
+        write_archive(path, FORMAT, self._stream.samples(), arrays)
+        self._fill(arrays, self._stream.samples())
+
+    @staticmethod
+    def load(path: Path | str, camera: Camera, **told: Any) -> Slam:  # noqa: ANN401 # as given
+        """Go on where `save` was; `told` as the run was told when it was made. MapError if the file is none of its."""
+        imu, arrays = read_archive(Path(path), FORMAT)
+        slam = Slam(camera, **told)
+        slam._fill(arrays, imu)
+        return slam
+
+    def _own_arrays(self) -> dict[str, Any]:
+        plain = {
+            "filtered": [pose.matrix.tolist() for pose in self._filtered],
+            "odometry": [pose.matrix.tolist() for pose in self._odometry],
+            "detections": {f: [detection_to_plain(d) for d in found] for f, found in self._detections.items()},
+            "counts": self._counts,
+            "last_s": self._stream.last_s,
+            "next_number": self._stream.next_number,
+            "start": asdict(self._setup.estimation.start),
+            "has_images": self._image_features is not None,
+        }
+        return {"own": np.array(json.dumps(plain))}
+
+    def _fill(self, arrays: Mapping[str, Any], imu: ImuSamples) -> None:
+        """Go on from what was saved."""
+        plain = json.loads(str(arrays["own"]))
+        self._stream.restore(imu, plain["last_s"], plain["next_number"])
+        self._filtered = [Pose.from_matrix(np.array(m)) for m in plain["filtered"]]
+        self._odometry = [Pose.from_matrix(np.array(m)) for m in plain["odometry"]]
+        self._detections = {
+            int(f): tuple(detection_from_plain(d) for d in found) for f, found in plain["detections"].items()
+        }
+        self._counts, self._waiting = plain["counts"], []
+        estimation = replace(self._setup.estimation, start=StartConfig(**plain["start"]))
+        self._setup = replace(self._setup, estimation=estimation)
+        if plain["has_images"]:
+            self._image_features = ImageFeatures(self._setup.slam.points)
+            self._image_features.fill(under("features_", arrays))
+        self._perception.fill(under("perception_", arrays))
+        self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
+        estimator_from_arrays(self._estimator, under("estimator_", arrays))
+
+    def _check(self, number: int, image: Bytes | None, odometry: Pose | None) -> None:
+        """SequenceError if the frame lacks what moves the camera."""
+        began = self._stream.last_s is not None
+        if began and (image is not None) != (self._image_features is not None):
+            what = "no image, but the frames before had one" if image is None else "an image, but the first had none"
+            raise SequenceError(f"frame {number}: {what}: give one with every frame or with none")
+        if self._by_odometry and odometry is None:
+            raise SequenceError(f"frame {number}: no odometry: give world_from_camera of every frame as odometry=…")
+        if not self._moved_by_imu and not self._by_odometry and image is None:
+            raise SequenceError(
+                f"frame {number}: nothing tells how the camera moves: give imu_from_camera and IMU samples, "
+                "images, or poses as odometry"
+            )
+
+    def _features(self) -> ImageFeatures:
+        if self._image_features is None:
+            self._image_features = ImageFeatures(self._setup.slam.points)
+        return self._image_features
+
+    def _first_seconds(self) -> FirstSeconds:
+        imu = self._stream.samples() if self._moved_by_imu else NO_IMU
+        odometry = self._odometry if self._by_odometry else []
+        features, start = self._image_features, self._given_start
+        return FirstSeconds(self._setup, start, self._waiting, imu, odometry, features, self._source)
+
+    def _begin(self, progress: Progress | None = None) -> SlamState:
+        """Find the first state, and go through the frames that waited for it."""
+        self.first_state, self._setup = self._first_seconds().start(
+            lambda setup: SlamEstimator(setup, self._motion(), self._image_features), progress
+        )
+        self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
+        first, *rest = self._waiting
+        self._waiting = []
+        report = self._estimator.begin(first.number, self.first_state, self._samples(), first.detections)
+        reached = self._reported(first, report)
+        for frame in rest:
+            reached = self._step(frame)
+        return reached
+
+    def _motion(self) -> MotionSource:
+        setup = self._setup
+        if self._by_odometry:
+            return OdometryMotion(self._odometry, setup.slam.odometry)
+        if self._moved_by_imu:
+            return ImuMotion(setup.imu)
+        return ImageMotion(self._features(), setup.camera, setup.slam.odometry)
+
+    def _samples(self) -> ImuSamples:
+        return self._stream.samples() if self._moved_by_imu else NO_IMU
+
+    def _step(self, frame: StreamFrame) -> SlamState:
+        estimator = self._started()
+        report = estimator.process(frame.number, frame.time_s, self._samples(), frame.detections)
+        oldest = estimator.smoother.frames[0]
+        if self._image_features is not None:
+            self._image_features.forget_before(oldest)
+        self._stream.forget_before(frame.time_s)
+        return self._reported(frame, report)
+
+    def _reported(self, frame: StreamFrame, report: SlamReport) -> SlamState:
+        estimator = self._started()
+        self._filtered.append(report.world_from_camera)
+        self._counts["frames_with_imu_gap"] += report.has_gap
+        self._counts["frames_without_objects"] += not report.objects
+        to_map = estimator.odometry_frame.map_from_odometry
+        return SlamState(
+            frame.number,
+            frame.time_s,
+            report.world_from_camera,
+            to_map,
+            to_map.rotation @ estimator.state.velocity_in_world,
+            report.objects,
+            len(estimator.joined),
+            report.has_gap,
+        )
+
+    def _waiting_state(self) -> SlamState:
+        newest = self._waiting[-1]
+        return SlamState(newest.number, newest.time_s, None, Pose.identity(), None, (), 0)
+
+    def _started(self) -> SlamEstimator:
+        if self._estimator is None:
+            raise SequenceError(
+                f"{self._source}: SLAM has not started: without a start it waits for the first seconds "
+                f"({len(self._waiting)} frames so far)"
+            )
+        return self._estimator
+
+    def _map_object(self, number: int, mark: Landmark) -> MapObject:
+        estimator, setup = self._started(), self._setup
+        to_map = estimator.odometry_frame.map_from_odometry
+        vertices = estimator.vertices(mark)
+        keypoints = setup.category.keypoints(vertices)
+        frames = [f for f, found in self._detections.items() if any(d.track_id == mark.track for d in found)]
+        thing = MapObject(
+            id=number,
+            category=setup.category.name,
+            world_from_object=to_map @ mark.world_from_object if mark.in_map is None else mark.in_map,
+            vertices=vertices,
+            faces=setup.model.faces,
+            views=mark.views,
+            first_frame=min(frames, default=None),
+            last_frame=max(frames, default=None),
+            keypoints=dict(zip(setup.category.keypoint_names, keypoints, strict=True)),
+            pose_covariance=estimator.landmark_covariance(mark.number),
+        )
+        return thing.recentred()
+
+    def _detection_set(self) -> DetectionSet:
+        """All detections so far."""
+        width, height = self._setup.camera.width, self._setup.camera.height
+        images = tuple(ImageEntry(f, f"{f:06d}.png", width, height) for f in sorted(self._detections))
+        every = [d for found in self._detections.values() for d in found]
+        names = sorted({d.category for d in every} | {self._setup.category.name})
+        own = self._setup.category.name
+        points = {name: self._setup.keypoint_names if name == own else () for name in names}
+        categories = tuple(CategoryEntry(i + 1, name, points[name]) for i, name in enumerate(names))
+        return DetectionSet(images, categories, tuple(replace(d, id=i + 1) for i, d in enumerate(every)))
+
+    def _figures(self, estimator: SlamEstimator, joined: set[int]) -> dict[str, float]:
+        road = 0 if estimator.road is None else estimator.road.count
+        return {
+            "objects_in_graph": len(estimator.landmarks) - len(joined),
+            "loop_closures": len(joined),
+            "tracks_moving": len(estimator.moving),
+            **self._counts,
+            # what says how long the path is
+            "scale_by_imu": float(self._moved_by_imu),
+            "scale_by_odometry": float(self._by_odometry),
+            "scale_by_objects": float(len(estimator.landmarks)),
+            "scale_by_road_displacements": float(road),
+        }

@@ -1,0 +1,112 @@
+"""How SLAM starts: from a state that is given, from odometry, or from what the first seconds show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshslam.features import ImageFeatures
+from meshslam.geometry import Floats, Pose
+from meshslam.initialization import (
+    Estimator,
+    FirstFrames,
+    RoughStart,
+    rough_start,
+    rough_start_by_images,
+    settled,
+    settling_seconds,
+    unknown_start,
+)
+from meshslam.motion import NavState, first_velocity, rate_at, state_of_camera
+from meshslam.object_slam.setup import SlamSetup
+from meshslam.perception import Detection
+from meshslam.sequences import ImuSamples, InitialState
+
+_ODOMETRY_FRAMES = 3  # for the velocity at the first
+NO_IMU = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class StreamFrame:
+    """One frame as the estimator takes it."""
+
+    number: int
+    time_s: float
+    detections: tuple[Detection, ...]  # with tracks
+
+
+@dataclass(frozen=True, eq=False)
+class FirstSeconds:
+    """What came before SLAM has started."""
+
+    setup: SlamSetup
+    given: InitialState | None
+    frames: Sequence[StreamFrame]
+    imu: ImuSamples  # none by odometry or by images alone
+    odometry: Sequence[Pose]  # world_from_camera of each frame, where poses are the odometry
+    image_features: ImageFeatures | None
+    source: str  # what messages call the recording
+
+    @property
+    def has_imu(self) -> bool:
+        """Whether the IMU moves the camera."""
+        return len(self.imu.times_s) > 0
+
+    def suffice(self) -> bool:
+        """Whether enough frames came to start."""
+        if self.odometry:
+            return len(self.frames) >= _ODOMETRY_FRAMES
+        if self.given is not None and self.has_imu:
+            return True
+        unknown = self.setup.estimation.unknown_start
+        seconds = max(unknown.alignment.seconds, settling_seconds(unknown, self.setup.slam.lag_s))
+        return self.frames[-1].time_s - self.frames[0].time_s > seconds
+
+    def start(
+        self,
+        fresh: Callable[[SlamSetup], Estimator],
+        progress: Callable[[str, int, int], None] | None = None,
+    ) -> tuple[NavState, SlamSetup]:
+        """The first state, and the setup to begin with it; SequenceError where the frames do not tell."""
+        first_s = self.frames[0].time_s
+        if self.odometry:
+            velocity, zero = first_velocity(self._times_s(), tuple(self.odometry)), np.zeros(3)
+            return NavState(first_s, self.odometry[0], velocity, zero, zero), self.setup
+        if self.given is not None and self.has_imu:
+            pose, velocity = self.given.world_from_camera, self.given.velocity_in_world
+            mounted = self.setup.mounting.imu_from_camera
+            return state_of_camera(first_s, pose, velocity, rate_at(self.imu, first_s), mounted), self.setup
+        return self._found(fresh, progress)
+
+    def _found(
+        self, fresh: Callable[[SlamSetup], Estimator], progress: Callable[[str, int, int], None] | None
+    ) -> tuple[NavState, SlamSetup]:
+        """The state that gravity, the objects' boxes and the first seconds' SLAM tell."""
+        estimation = self.setup.estimation
+        rough = self._rough()
+        speed = float(np.linalg.norm(rough.state.velocity_in_world))
+        start = unknown_start(estimation.start, estimation.unknown_start, speed)
+        setup = replace(self.setup, estimation=replace(estimation, start=start))
+        by_frame: Mapping[int, tuple[Detection, ...]] = {f.number: f.detections for f in self.frames}
+        lag_s, config = setup.slam.lag_s, estimation.unknown_start
+        state = settled(self._first(), self.imu, by_frame, rough.state, lambda: fresh(setup), config, lag_s, progress)
+        return state, setup
+
+    def _rough(self) -> RoughStart:
+        setup, category = self.setup, self.setup.category
+        height_m, alignment = category.dimensions[2], setup.estimation.unknown_start.alignment
+        sized = [(d, height_m) for f in self.frames for d in f.detections if d.category == category.name]
+        imu = setup.estimation.imu
+        if not self.has_imu:
+            assert self.image_features is not None
+            return rough_start_by_images(self._first(), self.image_features, sized, imu.gravity_m_s2, alignment)
+        return rough_start(self._first(), self.imu, setup.mounting.imu_from_camera, sized, imu, alignment)
+
+    def _first(self) -> FirstFrames:
+        numbers, height = tuple(f.number for f in self.frames), self.setup.height_above_ground_m
+        return FirstFrames(self.setup.camera, numbers, self._times_s(), height, self.source)
+
+    def _times_s(self) -> Floats:
+        return np.array([f.time_s for f in self.frames])

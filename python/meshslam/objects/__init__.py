@@ -1,0 +1,59 @@
+"""One object from its observations: start, pose, shape, uncertainty."""
+
+from meshslam.objects.category_model import category_model
+from meshslam.objects.config import GradientConfig, ObjectConfig
+from meshslam.objects.gradient_descent import reconstruct_by_gradient
+from meshslam.objects.ground import road_points
+from meshslam.objects.noise import estimated_noise
+from meshslam.objects.observations import keypoints_of, make_view, signed_distance
+from meshslam.objects.occlusion import FrameOcclusion, Occluders, Placed
+from meshslam.objects.reconstruct import (
+    Reconstruction,
+    Scene,
+    TrackObservations,
+    centred,
+    cheapest,
+    fit_free_form,
+    fit_modes,
+    height_over_road_m,
+    motion,
+    reconstruct,
+    refit,
+    uncertainty,
+    with_surface_error,
+)
+from meshslam.objects.start_search import flipped
+from meshslam.objects.track import Track, choose_views, is_cut, make_views
+
+__all__ = [
+    "FrameOcclusion",
+    "GradientConfig",
+    "ObjectConfig",
+    "Occluders",
+    "Placed",
+    "Reconstruction",
+    "Scene",
+    "Track",
+    "TrackObservations",
+    "category_model",
+    "centred",
+    "cheapest",
+    "choose_views",
+    "estimated_noise",
+    "fit_free_form",
+    "fit_modes",
+    "flipped",
+    "height_over_road_m",
+    "is_cut",
+    "keypoints_of",
+    "make_view",
+    "make_views",
+    "motion",
+    "reconstruct",
+    "reconstruct_by_gradient",
+    "refit",
+    "road_points",
+    "signed_distance",
+    "uncertainty",
+    "with_surface_error",
+]

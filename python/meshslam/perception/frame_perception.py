@@ -1,0 +1,90 @@
+"""From images to tracked detections, frame by frame: segmentation, key points, tracking."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from meshslam.errors import DetectionError
+from meshslam.geometry import Bytes, Floats
+from meshslam.perception.coco import VEHICLES
+from meshslam.perception.detections import Detection
+from meshslam.perception.instances import Segmenter, SegmenterConfig
+from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, frame_keypoints
+from meshslam.perception.model_store import find_model
+from meshslam.perception.online_tracking import OnlineTracker
+from meshslam.perception.segmentation import load_segmenter, segment_frame
+from meshslam.perception.tracking import TrackerConfig
+
+
+class FramePerception:
+    """What a frame's image shows, or what is given of it, on tracks."""
+
+    def __init__(
+        self,
+        segmenter: Segmenter | Path | str | None,
+        segmentation: SegmenterConfig,
+        keypoints: KeypointConfig,
+        tracking: TrackerConfig,
+    ) -> None:
+        """`segmenter` is a network's file, its name in the store, or any Segmenter; loaded when it is first needed."""
+        self._given, self._segmentation, self._keypoints = segmenter, segmentation, keypoints
+        self._tracker, self._categories = OnlineTracker(tracking), tracking.categories
+        self._segmenter: Segmenter | None = None
+        self._finder: KeypointFinder | None = None
+        self._next_id = 1
+
+    def process(
+        self,
+        frame: int,
+        image_bgr: Bytes | None,
+        detections: Sequence[Detection] | None = None,
+        turn: Floats | None = None,
+    ) -> tuple[Detection, ...]:
+        """Detections of the next frame, with tracks: those that are given, else those of the image (h, w, 3).
+
+        Given detections that have no key points get them where there is an image, and tracks where they have none.
+        `turn` (3, 3) is the homography of far points from the last frame to this one. DetectionError where there is
+        neither image nor detections.
+        """
+        if detections is None:
+            detections = self._segmented(frame, image_bgr)
+        if image_bgr is not None:
+            detections = self._with_keypoints(detections, image_bgr)
+        if all(d.track_id is not None for d in detections if d.category in self._categories) and detections:
+            return tuple(detections)
+        return self._tracker.process(detections, image_bgr, turn)
+
+    def _segmented(self, frame: int, image_bgr: Bytes | None) -> list[Detection]:
+        if image_bgr is None:
+            raise DetectionError(f"frame {frame}: neither an image nor detections: give image=… or detections=…")
+        if self._segmenter is None:
+            self._segmenter = _loaded(self._given, self._segmentation)
+        found = segment_frame(frame, image_bgr, self._segmenter, self._next_id)
+        self._next_id += len(found)
+        return found
+
+    def _with_keypoints(self, detections: Sequence[Detection], image_bgr: Bytes) -> Sequence[Detection]:
+        vehicles = [d for d in detections if d.category in VEHICLES]
+        if not self._keypoints.enabled or not vehicles or any(d.keypoints is not None for d in vehicles):
+            return detections
+        if self._finder is None:
+            self._finder = KeypointFinder(self._keypoints)
+        filled = frame_keypoints(detections, lambda: image_bgr, self._finder)
+        return [filled.get(d.id, d) for d in detections]
+
+    def to_arrays(self) -> dict[str, Any]:
+        """All that is held, as plain arrays."""
+        return {"next_id": self._next_id, **self._tracker.to_arrays()}
+
+    def fill(self, arrays: Mapping[str, Any]) -> None:
+        """The reverse of `to_arrays`."""
+        self._next_id = int(arrays["next_id"])
+        self._tracker.fill(arrays)
+
+
+def _loaded(given: Segmenter | Path | str | None, config: SegmenterConfig) -> Segmenter:
+    if given is not None and not isinstance(given, str | Path):
+        return given
+    return load_segmenter(find_model(None if given is None else str(given)), config)

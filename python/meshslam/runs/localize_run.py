@@ -1,0 +1,61 @@
+"""`localize`: the camera's path in a map of meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from meshslam.errors import MapError
+from meshslam.evaluation import evaluate_run
+from meshslam.localization import Localization, localize_sequence
+from meshslam.maps import Map, RunDirectory, Trajectory
+from meshslam.perception import write_detections
+from meshslam.runs import stages
+from meshslam.runs.config import Config
+from meshslam.runs.notes import imu_notes, object_notes
+from meshslam.runs.outlet import Outlet
+from meshslam.runs.perception import perceive
+from meshslam.runs.report import save_localization_report
+from meshslam.runs.truth import paths_against_truth, true_path
+from meshslam.sequences import Sequence, camera_yaml
+
+
+def localize_recording(
+    recording: Sequence,
+    scene: Map,
+    settings: Config,
+    outlet: Outlet,
+    clock: stages.Clock,
+    run: RunDirectory | None = None,
+) -> Localization:
+    """Perceive, localize."""
+    with clock.timing("perception"):
+        found = perceive(recording, settings, outlet, run).detections
+    for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, found):
+        outlet.note(note)
+    with clock.timing("localization"):
+        given = (recording, found, scene, settings.estimation, settings.localization)
+        return localize_sequence(*given, outlet.progress)
+
+
+def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+    """Localize, save, evaluate, report, into a run directory: what is there already is not done again."""
+    if settings.input.map is None:
+        raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
+    scene = Map.load(Path(settings.input.map))
+    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    if done is not None:
+        return done
+    clock = stages.Clock()
+    result = localize_recording(recording, scene, settings, outlet, clock, run)
+    mounted, height = recording.imu_from_camera, recording.height_above_ground_m
+    run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
+    run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
+    run.save("detections.json", write_detections(result.detections))
+    paths = {"initial": result.inertial, "filtered": result.filtered}
+    paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
+    figures = stages.run_figures(result.figures, len(recording), clock)
+    figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
+    drawn = {"IMU alone": result.inertial} | true_path(recording)
+    save_localization_report(recording, scene, result, figures, run, drawn)
+    run.save("metrics.json", stages.metrics_json(figures))
+    return figures

@@ -1,0 +1,83 @@
+"""`map`: from a recording with known camera poses to a map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshslam.categories import load_category
+from meshslam.evaluation import evaluate_run
+from meshslam.mapping import LeftOut, ObjectMapping, map_objects
+from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory
+from meshslam.perception import DetectionSet
+from meshslam.runs import stages
+from meshslam.runs.config import Config
+from meshslam.runs.outlet import Outlet
+from meshslam.runs.perception import follow, perceive
+from meshslam.runs.report import save_map_report
+from meshslam.sequences import Sequence
+
+
+@dataclass(frozen=True, eq=False)
+class MapResult:
+    """What mapping a drive gives.
+
+    `map` holds the objects by their ids, `trajectory` the camera's path, `left_out` the tracks that did not become
+    objects and why, `detections` everything that was detected, on its tracks; `figures` are named as in metrics.json.
+    """
+
+    map: Map
+    trajectory: Trajectory
+    left_out: tuple[LeftOut, ...]
+    detections: DetectionSet
+    figures: dict[str, float]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A drive's map beside the path that it was made along."""
+
+    frames: CameraPath
+    mapping: ObjectMapping
+    clock: stages.Clock
+
+    def result(self, recording: Sequence, outlet: Outlet) -> MapResult:
+        """As a program takes it."""
+        path = Trajectory(self.frames.times_s, self.frames.world_from_camera)
+        figures, found = stages.figures(recording, self.mapping, self.clock), self.mapping
+        return MapResult(found.map, path, found.left_out, found.detections, figures, tuple(outlet.notes))
+
+
+def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: RunDirectory | None = None) -> Mapped:
+    """Perceive, track, place the camera, map."""
+    clock, category = stages.Clock(), load_category(settings.input.category)
+    with clock.timing("perception"):
+        seen = perceive(recording, settings, outlet, run)
+    with clock.timing("tracking"):
+        tracked = follow(recording, seen.detections, settings, outlet)
+    with clock.timing("mapping"):
+        frames = stages.camera_path(recording, tracked, settings, outlet)
+        mapping = map_objects(
+            frames,
+            tracked,
+            category,
+            settings.objects,
+            settings.mapping,
+            fixed_tracks=seen.has_given_tracks,
+            progress=outlet.progress,
+        )
+    return Mapped(frames, mapping, clock)
+
+
+def run_map(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+    """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
+    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    if done is not None:
+        return done
+    made = map_recording(recording, settings, outlet, run)
+    stages.save(recording, made.frames, made.mapping, run)
+    figures = stages.figures(recording, made.mapping, made.clock) | evaluate_run(recording.root, run.folder)
+    save_map_report(recording, made.frames, made.mapping, settings.input.category, figures, run)
+    run.save("metrics.json", stages.metrics_json(figures))
+    return figures

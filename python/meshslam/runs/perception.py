@@ -1,0 +1,134 @@
+"""Detections of a recording: read, or made by networks; and their tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from meshslam.errors import DetectionError, ModelError, SequenceError
+from meshslam.geometry import Bytes
+from meshslam.maps import RunDirectory
+from meshslam.perception import (
+    COLOUR,
+    ColourSegmenter,
+    DetectionSet,
+    ImageEntry,
+    KeypointFinder,
+    Segmenter,
+    add_keypoints,
+    detect,
+    find_model,
+    load_segmenter,
+    read_detections,
+    track,
+    write_detections,
+)
+from meshslam.runs.config import Config
+from meshslam.runs.outlet import Outlet
+from meshslam.sequences import Sequence, turns
+
+
+@dataclass(frozen=True, eq=False)
+class Perceived:
+    """What frames show."""
+
+    detections: DetectionSet
+    has_given_tracks: bool  # every detection that is tracked had its track already
+
+
+def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirectory | None = None) -> Perceived:
+    """Detections of a recording: its own file's, unless a network is named; with key points where there are images.
+
+    What a former run that was cut short has segmented is taken from its folder.
+    """
+    if config.input.segmenter is None and recording.detections_path is not None:
+        found = fitted(read_detections(recording.detections_path), recording, recording.detections_path)
+        for warning in found.warnings:
+            outlet.note(warning)
+        return _perceived(with_keypoints(recording, found, config, outlet), config)
+    if run is not None and run.has("detections.json") and not by_colour(config):
+        found = read_detections(run.path("detections.json"))
+        return Perceived(found.with_tracks({d.id: None for d in found.detections}), has_given_tracks=False)
+    found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
+    if run is not None:
+        run.save("detections.json", write_detections(found))
+    return _perceived(found, config)
+
+
+def segment_frames(recording: Sequence, config: Config, outlet: Outlet) -> DetectionSet:
+    """Segment every frame with the network of the configuration, or by the colours of a simulated world."""
+    segmenter = choose_segmenter(recording, config)
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+    frames = ((frame, recording.read_image(i)) for frame, i in index.items())
+    return detect(frames, segmenter, progress=lambda frame: outlet.progress("segment", index[frame] + 1, len(index)))
+
+
+def choose_segmenter(recording: Sequence, config: Config) -> Segmenter:
+    """The network of the configuration, or the reader of coded colours."""
+    if by_colour(config):
+        return ColourSegmenter(config.colour)
+    try:
+        model = find_model(config.input.segmenter)
+    except ModelError as error:
+        if config.input.segmenter is not None:
+            raise
+        raise SequenceError(
+            f"{recording.root}: nothing tells where the objects are: there is no detections.json "
+            f"(--detections FILE names another), and {error}"
+        ) from None
+    return load_segmenter(model, config.segmentation)
+
+
+def by_colour(config: Config) -> bool:
+    """Whether colours tell the objects."""
+    return config.input.segmenter == COLOUR
+
+
+def _perceived(found: DetectionSet, config: Config) -> Perceived:
+    wanted = [d for d in found.detections if d.category in config.tracking.categories]
+    return Perceived(found, bool(wanted) and all(d.track_id is not None for d in wanted))
+
+
+def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:
+    """The detections with key points by the shipped network, where there are images and no key points yet."""
+    if not config.keypoints.enabled or recording.image_paths is None:
+        return found
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+    return add_keypoints(
+        found,
+        lambda frame: recording.read_image(index[frame]),
+        KeypointFinder(config.keypoints),
+        progress=lambda frame: outlet.progress("key points", index.get(frame, -1) + 1, len(index)),
+    )
+
+
+def fitted(found: DetectionSet, recording: Sequence, path: Path) -> DetectionSet:
+    """The detections with one image a frame; DetectionError for an image of no frame, or of another size."""
+    raw = recording.raw_camera
+    of_frame = {image.id: image for image in found.images}
+    for number, image in of_frame.items():
+        if number not in recording.frame_ids:
+            frames = f"{recording.frame_ids[0]} to {recording.frame_ids[-1]}"
+            raise DetectionError(f"{path}: images id {number}: no frame of that number; frames are {frames}")
+        if (image.width, image.height) != (raw.width, raw.height):
+            size = f"{image.width}x{image.height}, the camera's is {raw.width}x{raw.height}"
+            raise DetectionError(f"{path}: images id {number}: is {size}")
+    missing = (ImageEntry(i, f"{i:06d}.png", raw.width, raw.height) for i in recording.frame_ids if i not in of_frame)
+    images = sorted((*found.images, *missing), key=lambda image: image.id)
+    return replace(found, images=tuple(images))
+
+
+def follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:
+    """Give the detections their tracks."""
+    index = {frame: i for i, frame in enumerate(recording.frame_ids)}
+
+    def read(frame: int) -> Bytes:
+        return recording.read_image(index[frame])
+
+    return track(
+        found,
+        read if recording.image_paths is not None else None,
+        config.tracking,
+        turn=turns(recording),
+        progress=lambda frame: outlet.progress("track", index.get(frame, -1) + 1, len(index)),
+    )

@@ -1,0 +1,104 @@
+"""Puts a run's report together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Rows
+
+from meshslam.categories import load_category
+from meshslam.geometry import Floats, Pose
+from meshslam.localization import Localization
+from meshslam.mapping import ObjectMapping
+from meshslam.maps import CameraPath, Map, RunDirectory
+from meshslam.perception import DetectionSet
+from meshslam.sequences import Sequence
+from meshslam.viewing import (
+    ReportContext,
+    can_plot,
+    can_record,
+    iterations_chart,
+    path_chart,
+    write_recording,
+    write_report,
+)
+
+Paths = dict[str, tuple[Pose, ...]]
+
+
+def save_map_report(
+    recording: Sequence,
+    frames: CameraPath,
+    mapping: ObjectMapping,
+    category: str,
+    figures: dict[str, float],
+    run: RunDirectory,
+    other_paths: Paths | None = None,
+) -> None:
+    """The report of a map that was made."""
+    mean = load_category(category).vertices
+    stages = {number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()}
+    left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
+    path, seen = frames.world_from_camera, mapping.detections
+    _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages)
+
+
+def save_localization_report(
+    recording: Sequence,
+    scene: Map,
+    result: Localization,
+    figures: dict[str, float],
+    run: RunDirectory,
+    other_paths: Paths,
+) -> None:
+    """The report of a path in a map that was given."""
+    moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
+    path, seen = result.world_from_camera, result.detections
+    _save(recording, path, seen, scene, moved, figures, run, other_paths, {})
+
+
+def _save(
+    recording: Sequence,
+    world_from_camera: tuple[Pose, ...],
+    detections: DetectionSet,
+    scene: Map,
+    left_out: Rows[tuple[int, str, str]],
+    figures: dict[str, float],
+    run: RunDirectory,
+    other_paths: Paths,
+    stages: dict[int, tuple[Pose, Floats]],
+) -> None:
+    """Write report.html, and recording.rrd where the Rerun SDK is installed."""
+    context = ReportContext(
+        title=recording.name,
+        camera=recording.camera,
+        frame_ids=recording.frame_ids,
+        world_from_camera=world_from_camera,
+        read_image=recording.read_image if recording.image_paths is not None else None,
+        detections=detections,
+        map=scene,
+        left_out=tuple(left_out),
+        metrics=figures,
+        other_paths=other_paths,
+        stages=stages,
+        charts=_charts(world_from_camera, scene, other_paths, figures, run),
+    )
+    if can_record():
+        part = run.path(".recording.rrd.meshslam-part")
+        write_recording(context, part)
+        part.replace(run.path("recording.rrd"))
+    run.save("report.html", write_report(context))
+
+
+def _charts(
+    path: tuple[Pose, ...], scene: Map, others: Paths, figures: dict[str, float], run: RunDirectory
+) -> tuple[tuple[str, bytes], ...]:
+    """path.png and iterations.png, as in the paper; none where the path was given, or without Matplotlib."""
+    if not others or not can_plot():
+        return ()
+    drawn = dict(reversed(others.items())) | {"estimate": path}  # truth below, the estimate on top
+    charts = [("path.png", "The path among the objects, from above.", path_chart(scene, drawn))]
+    iterations = iterations_chart(figures)
+    if iterations is not None:
+        charts.append(("iterations.png", "The path's error after each iteration.", iterations))
+    for name, _, content in charts:
+        run.save(name, content)
+    return tuple((caption, content) for _, caption, content in charts)

@@ -1,0 +1,62 @@
+"""`slam`: camera path and objects together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from meshslam.categories import load_category
+from meshslam.evaluation import evaluate_run
+from meshslam.maps import CameraPath, RunDirectory
+from meshslam.object_slam import SlamResult, slam_sequence
+from meshslam.runs import stages
+from meshslam.runs.config import Config
+from meshslam.runs.notes import imu_notes, object_notes
+from meshslam.runs.outlet import Outlet
+from meshslam.runs.perception import follow, perceive
+from meshslam.runs.report import save_map_report
+from meshslam.runs.truth import paths_against_truth, true_path
+from meshslam.sequences import Sequence
+
+
+def slam_recording(
+    recording: Sequence, settings: Config, outlet: Outlet, clock: stages.Clock, run: RunDirectory | None = None
+) -> SlamResult:
+    """Perceive, track, estimate path and objects together."""
+    category = load_category(settings.input.category)
+    with clock.timing("perception"):
+        seen = perceive(recording, settings, outlet, run)
+    for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, seen.detections):
+        outlet.note(note)
+    with clock.timing("tracking"):
+        # known poses beyond the first are not for SLAM, unless they are its odometry
+        blind = recording if settings.slam.poses == "odometry" else replace(recording, world_from_camera=None)
+        tracked = follow(blind, seen.detections, settings, outlet)
+    with clock.timing("localization"):
+        result = slam_sequence(
+            recording, tracked, category, settings, outlet.progress, fixed_tracks=seen.has_given_tracks
+        )
+    for note in result.notes:
+        outlet.note(note)
+    return result
+
+
+def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+    """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
+    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    if done is not None:
+        return done
+    clock = stages.Clock()
+    result = slam_recording(recording, settings, outlet, clock, run)
+    path, height = result.trajectory, recording.height_above_ground_m
+    frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
+    stages.save(recording, frames, result.mapping, run)
+    figures = stages.figures(recording, result.mapping, clock) | result.figures
+    figures |= evaluate_run(recording.root, run.folder)
+    alone = {"initial": result.alone} if result.alone else {}
+    by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
+    figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
+    drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
+    save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, drawn)
+    run.save("metrics.json", stages.metrics_json(figures))
+    return figures

@@ -1,0 +1,121 @@
+"""The stages of a run beside perception: open, place the camera, save, count; files are whole or not there."""
+
+from __future__ import annotations
+
+import json
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from meshslam.errors import SequenceError
+from meshslam.features import correct_rotations
+from meshslam.mapping import ObjectMapping
+from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, to_glb
+from meshslam.perception import DetectionSet, write_detections
+from meshslam.runs.config import Config, InputConfig
+from meshslam.runs.outlet import Outlet
+from meshslam.runs.settings import to_yaml
+from meshslam.sequences import Sequence, camera_yaml, open_sequence, with_imu
+
+
+@dataclass
+class Clock:
+    """Seconds spent in each stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def timing(self, stage: str) -> Iterator[None]:
+        """Add the block's time to a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+def open_input(chosen: InputConfig) -> Sequence:
+    """Open the recording that a run reads."""
+    if not chosen.sequence:
+        raise SequenceError("no recording is named: give its folder, or input.sequence in the configuration")
+    given = None if chosen.detections is None else Path(chosen.detections)
+    found = open_sequence(chosen.sequence, chosen.layout, chosen.camera, given)
+    imu, mounted = (None if path is None else Path(path) for path in (chosen.imu, chosen.imu_from_camera))
+    return found if imu is None and mounted is None else with_imu(found, imu, mounted)
+
+
+def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
+    """Open recording and run directory; also the run's figures, if it is there whole already."""
+    recording = open_input(settings.input)
+    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
+    if not (run.has("metrics.json") and run.has("report.html")):
+        return recording, run, None
+    done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
+    return recording, run, done
+
+
+def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
+    """The camera at each frame; where there are images, with rotations that agree with them."""
+    if recording.world_from_camera is None:
+        raise SequenceError(
+            f"{recording.root}: mapping needs the camera's poses: poses.tum in a sequence folder, "
+            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry"
+        )
+    frames = CameraPath(
+        recording.camera,
+        recording.frame_ids,
+        recording.times_s,
+        recording.world_from_camera,
+        recording.height_above_ground_m,
+    )
+    if recording.image_paths is None or not config.rotations.enabled:
+        return frames
+    return correct_rotations(frames, recording.read_image, found.by_frame(), config.rotations, outlet.progress)
+
+
+def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: RunDirectory) -> None:
+    """Write what was estimated; the figures come last, so that a run with them is complete."""
+    trajectory = Trajectory(frames.times_s, frames.world_from_camera)
+    camera = camera_yaml(recording.camera, None, recording.imu_from_camera, recording.height_above_ground_m)
+    run.save("camera.yaml", camera)
+    run.save("trajectory.tum", trajectory.to_tum())
+    run.save("detections.json", write_detections(mapping.detections))
+    mapping.map.save(run.folder)
+    saved = Map.load(run.folder), Trajectory.load(run.path("trajectory.tum"))  # as rounded on disk: the same bytes
+    run.save("map.glb", to_glb(*saved))
+
+
+def figures(recording: Sequence, mapping: ObjectMapping, clock: Clock) -> dict[str, float]:
+    """The run's own figures, as FORMATS names them."""
+    tracks = {d.track_id for d in mapping.detections.detections if d.track_id is not None}
+    rows: dict[str, float] = {
+        "objects_mapped": len(mapping.map.objects),
+        "tracks": len(tracks),
+        "frames": len(recording),
+        **mapping.mask_ious,
+    }
+    return run_figures(rows, len(recording), clock)
+
+
+def run_figures(rows: dict[str, float], frames: int, clock: Clock) -> dict[str, float]:
+    """A run's own figures with its times and memory."""
+    total = sum(clock.seconds.values())
+    every: dict[str, float] = {
+        **rows,
+        "seconds_total": total,
+        **{f"seconds_{stage}": seconds for stage, seconds in clock.seconds.items()},
+        "milliseconds_per_frame": 1e3 * total / max(1, frames),
+        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+    return {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in every.items()}
+
+
+def metrics_json(rows: dict[str, float]) -> str:
+    """The figures as the file's text."""
+    return json.dumps(rows, indent=1, allow_nan=False) + "\n"

@@ -1,0 +1,123 @@
+import gtsam
+import numpy as np
+import pytest
+from gtsam.symbol_shorthand import E, T, V, X
+
+from meshslam.features.point_tracks import PointConfig, PointTracks
+from meshslam.geometry import Camera, Pose, exp_so3
+from meshslam.graph.object_factor import CameraMemo
+from meshslam.graph.point_factor import linearize, point_factor, square_root, triangulate, triangulated
+from meshslam.localization.correction import retracted
+from meshslam.motion.gtsam_bridge import to_pose3
+
+CAMERA = Camera(width=1240, height=370, fx=720.0, fy=720.0, cx=610.0, cy=172.0)
+CONFIG = PointConfig()
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def ride(rng, frames=5):
+    """Cameras that look along z and come ahead, turning a little."""
+    return [Pose(exp_so3(rng.normal(0, 0.01, 3)), np.array([0.05 * k, 0.02 * k, 1.1 * k])) for k in range(frames)]
+
+
+def scene(rng, cameras, count=40, noise_px=0.0):
+    points = np.column_stack([rng.uniform(-8, 8, count), rng.uniform(-3, 1.5, count), rng.uniform(12, 60, count)])
+    pixels = np.stack([CAMERA.project(c.inverse().transform(points)) for c in cameras], axis=1)
+    return points, pixels + rng.normal(0, noise_px, pixels.shape)
+
+
+def test_points_are_where_their_rays_meet(rng):
+    cameras = ride(rng)
+    points, pixels = scene(rng, cameras)
+    found, finite = triangulate(pixels, cameras, CAMERA)
+    assert finite.all()
+    assert np.allclose(found, points, atol=1e-6)
+
+
+def test_what_does_not_part_is_at_infinity(rng):
+    cameras = ride(rng)
+    ray = np.array([[0.1, -0.05, 1.0]])
+    pixels = np.stack([CAMERA.project(ray @ c.rotation) for c in cameras], axis=1)
+    found, finite = triangulate(pixels, cameras, CAMERA)
+    assert not finite[0]
+    assert np.allclose(found[0] / found[0][2], ray[0], atol=1e-6)
+
+
+def test_the_cost_knows_no_scale_place_or_heading(rng):
+    cameras = ride(rng)
+    _, pixels = scene(rng, cameras, noise_px=0.7)
+    cost = triangulated(pixels, cameras, CAMERA, CONFIG).cost()
+    moved = Pose(exp_so3(np.array([0.3, -0.8, 0.5])), np.array([10.0, -4.0, 2.0]))
+    for scale in (0.3, 1.0, 2.5):
+        others = [moved @ Pose(c.rotation, scale * c.translation) for c in cameras]
+        assert triangulated(pixels, others, CAMERA, CONFIG).cost() == pytest.approx(cost, rel=1e-6)
+
+
+def test_the_gradient_is_that_of_the_reduced_cost(rng):
+    """With weights held, half the squared residual after the point's best place has this gradient."""
+    config = PointConfig(kernel=1e6)
+    cameras = ride(rng)
+    _, pixels = scene(rng, cameras, noise_px=0.5)
+    cameras = [retracted(c, rng.normal(0, 1e-3, 6)) for c in cameras]
+    found = linearize(triangulated(pixels, cameras, CAMERA, config), CAMERA, config)
+    numeric = np.zeros(len(found.gradient))
+    for i in range(len(numeric)):
+        costs = []
+        for sign in (1, -1):
+            step = np.zeros(6)
+            step[i % 6] = sign * 1e-6
+            moved = [retracted(c, step) if k == i // 6 else c for k, c in enumerate(cameras)]
+            costs.append(triangulated(pixels, moved, CAMERA, config).cost())
+        numeric[i] = (costs[0] - costs[1]) / 2e-6
+    assert np.allclose(found.gradient, numeric, rtol=2e-2, atol=2e-3 * np.abs(numeric).max())
+
+
+def test_wild_tracks_hardly_count(rng):
+    cameras = ride(rng)
+    _, pixels = scene(rng, cameras, noise_px=0.5)
+    clean = linearize(triangulated(pixels, cameras, CAMERA, CONFIG), CAMERA, CONFIG)
+    wild = pixels[:4].copy()
+    wild[:, 2] += 60.0
+    more = linearize(triangulated(np.concatenate([pixels, wild]), cameras, CAMERA, CONFIG), CAMERA, CONFIG)
+    assert np.linalg.norm(more.gradient - clean.gradient) < 0.1 * np.linalg.norm(clean.gradient)
+
+
+def test_square_root_keeps_the_normal_equations_and_the_cost(rng):
+    wide = rng.normal(size=(30, 12))
+    wide[:, -1] = wide[:, 0]  # one direction that nothing tells
+    residual = rng.normal(size=30)
+    cost = 0.5 * residual @ residual + 1.0
+    rows, right = square_root(wide.T @ wide, wide.T @ residual, cost)
+    assert np.allclose(rows.T @ rows, wide.T @ wide)
+    assert np.allclose(rows.T @ right, wide.T @ residual)
+    assert 0.5 * right @ right == pytest.approx(cost)
+
+
+def test_the_factor_draws_cameras_back(rng):
+    """A graph of one block, two cameras held: the others come back to where they were."""
+    cameras = ride(rng)
+    _, pixels = scene(rng, cameras)
+    keys = {k: (X(k), V(k), E(0), T(0)) for k in range(5)}
+    memos = {k: CameraMemo(np.zeros(3), np.zeros(3)) for k in range(5)}
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(point_factor(PointTracks(0, 0, (pixels,), True, pixels[:, -2:]), keys, memos, CAMERA, CONFIG))
+    tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)
+    for k, camera in enumerate(cameras):
+        if k < 2:
+            graph.add(gtsam.PriorFactorPose3(X(k), to_pose3(camera), tight))
+        start = camera if k < 2 else retracted(camera, rng.normal(0, 0.01, 6))
+        values.insert(X(k), to_pose3(start))
+        values.insert(V(k), np.zeros(3))
+    values.insert(E(0), gtsam.Rot3())
+    values.insert(T(0), np.zeros(1))
+    graph.add(gtsam.PriorFactorRot3(E(0), gtsam.Rot3(), gtsam.noiseModel.Isotropic.Sigma(3, 1e-6)))
+    graph.add(gtsam.PriorFactorVector(T(0), np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1e-6)))
+    for k in range(5):
+        graph.add(gtsam.PriorFactorVector(V(k), np.zeros(3), gtsam.noiseModel.Isotropic.Sigma(3, 1.0)))
+    found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    for k, camera in enumerate(cameras):
+        assert np.allclose(found.atPose3(X(k)).matrix(), camera.matrix, atol=5e-3)

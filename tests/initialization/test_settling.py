@@ -1,0 +1,86 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from meshslam.categories import load_category
+from meshslam.errors import SequenceError
+from meshslam.geometry import Pose, exp_so3
+from meshslam.initialization.rough_start import standing_rate
+from meshslam.initialization.world_alignment import level_from_world, world_from_levelled
+from meshslam.localization import LocalizationConfig, localize
+from meshslam.object_slam import SlamConfig, slam_path
+from meshslam.objects import MappingConfig
+from meshslam.sequences import ImuSamples
+from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m
+
+
+@pytest.fixture(scope="module")
+def unaware(drive):
+    """The drive of a recording that does not say how it starts."""
+    return dataclasses.replace(drive, initial_state=None)
+
+
+@pytest.fixture(scope="module")
+def freely(unaware, seen):
+    quick = SlamConfig(min_baseline_m=2.0)
+    return slam_path(unaware, seen, load_category("car"), LocalizationConfig(), quick, MappingConfig())
+
+
+def test_slam_finds_speed_and_gravity(freely, street):
+    truth = street.world_from_camera
+    steps = [
+        np.linalg.norm(np.diff([p.translation for p in path], axis=0), axis=1).sum()
+        for path in (freely.world_from_camera, truth)
+    ]
+    assert steps[0] == pytest.approx(steps[1], rel=0.05)
+    ups = [p.rotation.T @ [0.0, 0.0, 1.0] for p in (freely.world_from_camera[0], truth[0])]
+    assert np.degrees(np.arccos(ups[0] @ ups[1])) < 1.5
+    assert np.allclose(freely.world_from_camera[0].translation, 0, atol=0.1)
+
+
+@pytest.mark.parametrize("ids", [True, False])
+def test_localize_finds_its_place_in_the_map(unaware, seen, scene, street, ids):
+    found = seen if ids else seen.with_tracks({d.id: None for d in seen.detections})
+    path = localize(unaware, found, scene, LocalizationConfig()).world_from_camera
+    assert errors_m(path, street.world_from_camera).max() < 0.15
+
+
+def test_without_objects_the_message_says_what_to_do(unaware, seen, scene):
+    nothing = dataclasses.replace(seen, detections=())
+    with pytest.raises(SequenceError, match=r"no start: there is no initial_state.yaml, and no object is seen"):
+        localize(unaware, nothing, scene, LocalizationConfig())
+
+
+def test_the_first_known_pose_says_where_the_world_is(unaware):
+    rng = np.random.default_rng(2)
+    level_camera = IMU_FROM_CAMERA.rotation  # looks along x
+    first = Pose(level_camera @ exp_so3(rng.normal(0, 0.02, 3)), rng.normal(size=3))
+    known = Pose(exp_so3(np.array([0.01, -0.02, 0.8])) @ level_camera, np.array([5.0, 6.0, 7.0]))
+    levelled = dataclasses.replace(unaware, world_from_camera=(known,) * len(unaware))
+    tilted = dataclasses.replace(levelled, is_levelled=False)
+    moved = world_from_levelled(levelled, first)
+    assert np.allclose(moved.rotation[2], [0, 0, 1])  # z stays up
+    assert np.allclose(moved.transform(first.translation), known.translation)
+    assert np.allclose((world_from_levelled(tilted, first) @ first).matrix, known.matrix)
+    assert np.allclose(world_from_levelled(unaware, first).matrix, np.eye(4))
+
+
+def test_a_world_of_known_poses_is_levelled_by_the_imu(drive, street):
+    tilt = Pose(exp_so3(np.array([0.03, -0.02, 0.0])), np.zeros(3))
+    poses = tuple(tilt @ p for p in street.world_from_camera)
+    tilted = dataclasses.replace(drive, world_from_camera=poses, is_levelled=False)
+    level = level_from_world(tilted, drive.imu, IMU_FROM_CAMERA)
+    up = (level @ tilt).rotation @ [0.0, 0.0, 1.0]
+    assert np.degrees(np.arccos(up[2])) < 0.7
+    joined = dataclasses.replace(tilted, is_levelled=True)
+    assert np.allclose(level_from_world(joined, drive.imu, IMU_FROM_CAMERA).matrix, np.eye(4))
+
+
+def test_a_gyroscope_that_stands_still_shows_its_bias():
+    rng = np.random.default_rng(4)
+    times, bias = np.arange(0, 2, 0.01), np.array([0.004, -0.003, 0.002])
+    still = ImuSamples(times, bias + rng.normal(0, 1e-3, (200, 3)), [0, 0, 9.81] + rng.normal(0, 0.02, (200, 3)))
+    assert np.allclose(standing_rate(still, times), bias, atol=5e-4)
+    driving = dataclasses.replace(still, specific_force_m_s2=still.specific_force_m_s2 + rng.normal(0, 0.5, (200, 3)))
+    assert np.allclose(standing_rate(driving, times), 0)

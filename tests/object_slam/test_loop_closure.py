@@ -1,0 +1,80 @@
+"""Objects known again: laws over random constellations."""
+
+import numpy as np
+import pytest
+
+from meshslam.geometry import Pose
+from meshslam.object_slam.landmarks import Landmark, coincident_landmarks, joined_tracks
+from meshslam.object_slam.loop_closure import LoopClosureConfig, Placed, match_landmarks
+
+CONFIG = LoopClosureConfig()
+SIZE = np.array([4.4, 1.8, 1.5])
+
+
+def constellation(rng, count):
+    places = np.column_stack(
+        [np.cumsum(rng.uniform(7, 18, count)), rng.uniform(-5, 5, count), rng.normal(0, 0.1, count)]
+    )
+    return [Placed(i + 1, i + 1, Pose.from_yaw(rng.normal(0, 0.05), p), SIZE) for i, p in enumerate(places)]
+
+
+def moved(things, motion, rng, noise_m=0.1):
+    out = []
+    for thing in things:
+        pose = motion @ thing.pose
+        shaken = Pose(pose.rotation, pose.translation + rng.normal(0, noise_m, 3))
+        out.append(Placed(thing.number + 100, thing.track + 100, shaken, thing.dimensions))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_drifted_path_is_laid_back(seed):
+    rng = np.random.default_rng(seed)
+    known = constellation(rng, 10)
+    drift = Pose.from_yaw(rng.normal(0, 0.01), rng.normal(0, 3, 3) * [1, 1, 0.1])
+    seen = moved(known[3:8], drift, rng)
+    found = match_landmarks(seen, known, [12.0] * len(known), CONFIG)
+    assert set(found.pairs) == {(n + 100, n) for n in range(4, 9)}
+    back = [found.correction @ thing.pose for thing in seen]
+    assert max(np.linalg.norm(b.translation - k.pose.translation) for b, k in zip(back, known[3:8], strict=True)) < 0.6
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_other_cars_are_not_taken_for_known_ones(seed):
+    rng = np.random.default_rng(seed)
+    known, strangers = constellation(rng, 10), constellation(rng, 4)
+    assert match_landmarks(moved(strangers, Pose.identity(), rng), known, [8.0] * 10, CONFIG) is None
+
+
+def test_size_heading_and_distance_speak_against_a_pair():
+    rng = np.random.default_rng(0)
+    known = constellation(rng, 4)
+    seen = moved(known, Pose.identity(), rng, 0.0)
+    radii = [1.0] * 4
+    assert len(match_landmarks(seen, known, radii, CONFIG).pairs) == 4
+    larger = [Placed(t.number, t.track, t.pose, 1.3 * t.dimensions) for t in seen]
+    turned = [Placed(t.number, t.track, t.pose @ Pose.from_yaw(np.pi, np.zeros(3)), t.dimensions) for t in seen]
+    away = moved(known, Pose(np.eye(3), np.array([0.0, 2.0, 0.0])), rng, 0.0)
+    assert all(match_landmarks(others, known, radii, CONFIG) is None for others in (larger, turned, away))
+
+
+def test_one_is_enough_only_where_the_path_is_sure():
+    rng = np.random.default_rng(1)
+    known = constellation(rng, 5)
+    seen = moved(known[:1], Pose.identity(), rng)
+    assert match_landmarks(seen, known, [1.5] * 5, CONFIG).pairs == ((101, 1),)
+    assert match_landmarks(seen, known, [5.0] * 5, CONFIG) is None
+
+
+def test_tracks_of_one_object_get_its_lowest_number():
+    marks = {n: Landmark(n, track, Pose.identity(), np.zeros(2), SIZE) for n, track in ((1, 7), (2, 9), (3, 8), (4, 7))}
+    assert joined_tracks(marks, [(2, 1), (3, 2)]) == {9: 7, 8: 7}
+    assert joined_tracks(marks, [(4, 1)]) == {}
+
+
+def test_what_stands_in_one_place_is_one():
+    places = {
+        n: Pose(np.eye(3), np.array([x, 0.0, 0.0])) for n, x in ((1, 0.0), (2, 9.0), (3, 0.5), (4, 9.4), (5, 20.0))
+    }
+    assert coincident_landmarks(places, [], 1.5) == [(3, 1), (4, 2)]
+    assert coincident_landmarks(places, [(3, 1)], 1.5) == [(4, 2)]

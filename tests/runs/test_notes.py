@@ -1,0 +1,36 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from meshslam.motion import ImuConfig
+from meshslam.runs import imu_notes, object_notes
+from meshslam.sequences import ImuSamples
+
+
+def without(imu, begin_s, end_s):
+    keep = (imu.times_s < begin_s) | (imu.times_s > end_s)
+    return ImuSamples(imu.times_s[keep], imu.angular_rate_rad_s[keep], imu.specific_force_m_s2[keep])
+
+
+def test_a_whole_recording_needs_no_note(drive, seen):
+    assert imu_notes(drive, ImuConfig()) == []
+    assert object_notes(drive, seen) == []
+
+
+@pytest.mark.parametrize(("begin", "end"), [(-1.0, 0.4), (0.5, 0.9), (1.1, 9.0)])
+def test_missing_samples_are_said_with_their_times(drive, begin, end):
+    first = drive.times_s[0]
+    gap = dataclasses.replace(drive, imu=without(drive.imu, first + begin, first + end))
+    (note,) = imu_notes(gap, ImuConfig())
+    low, high = max(begin, 0.0), min(end, drive.times_s[-1] - first)
+    times = [float(word) for word in note.split("from ")[1].split(" s (")[0].replace(" s to", "").split()]
+    assert np.allclose(times, [first + low, first + high], atol=0.03)
+
+
+def test_frames_without_objects_are_said_with_their_numbers(drive, seen):
+    kept = tuple(d for d in seen.detections if not 2 <= d.frame <= 13)
+    (note,) = object_notes(drive, dataclasses.replace(seen, detections=kept))
+    assert "frames 2 to 13" in note
+    (note,) = object_notes(drive, dataclasses.replace(seen, detections=()))
+    assert "in any frame" in note
