@@ -1,8 +1,8 @@
 //! `lie`, `mesh`, `voxel` and `solve::triangulate` of the core.
 
 use meshslam_core::error::check_finite;
+use meshslam_core::kernel::Kernel;
 use meshslam_core::mesh::Topology;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::triangulate::{Sight, triangulate as core_triangulate};
 use meshslam_core::{lie, mesh, voxel};
 use nalgebra::Matrix3;

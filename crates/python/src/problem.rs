@@ -1,9 +1,9 @@
 //! An object with what was seen of it, as it comes from Python.
 
+use meshslam_core::kernel::Kernel;
 use meshslam_core::object::{Block, Model, ObjectState, Scope};
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::view::View as CoreView;
 use nalgebra::Vector3;
 use pyo3::exceptions::PyValueError;

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use meshslam_core::raster::Rect;
-use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::view::{BorderPoint, View as CoreView};
+use meshslam_core::view::{BorderPoint, KeypointObservation, View as CoreView};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
