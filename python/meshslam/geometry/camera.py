@@ -33,11 +33,6 @@ class Camera:
         """The (3, 3) intrinsic matrix K."""
         return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    @property
-    def values(self) -> tuple[int, int, float, float, float, float, float]:
-        """The fields in the order in which the core takes them."""
-        return (self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.skew)
-
     def project(self, points_in_camera: Floats) -> Floats:
         """Project points (..., 3) to pixels (..., 2); points on or behind the image plane give NaN."""
         x, y, z = np.moveaxis(np.asarray(points_in_camera, float), -1, 0)

@@ -36,7 +36,7 @@ class MaskLoss:
         """Take faces (F, 3) and a mask (h, w) whose first pixel is `origin` (x, y); beyond it nothing is observed."""
         with geometry_errors():
             self._native = _core.MaskLoss(
-                camera.values, vertex_count, ints(faces), np.ascontiguousarray(mask, np.uint8), origin
+                camera, vertex_count, ints(faces), np.ascontiguousarray(mask, np.uint8), origin
             )
 
     def gradient(

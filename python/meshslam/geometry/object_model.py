@@ -16,12 +16,6 @@ from meshslam.geometry.pose import Pose
 
 View = _core.View
 
-_Ground = tuple[list[float], float, float, float]
-_Noise = tuple[float, float, float, float, float, float, float, float, float]
-_Problem = tuple[
-    list[View], _Ground | None, _Noise, tuple[bool, bool, bool], Floats, Floats, Floats, Floats
-]  # views, ground, noise, what moves; world_from_object, z, d, velocity
-
 Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
 
 
@@ -40,21 +34,6 @@ class NoiseModel:
     free_form_sigma_m: float = 0.10  # of a vertex's free displacement
     smoothness_sigma_m: float = 0.01  # of its parting from its neighbours' average
 
-    @property
-    def values(self) -> _Noise:
-        """The fields in the order in which the core takes them."""
-        return (
-            self.border_sigma_px,
-            self.border_correlation_px,
-            self.border_kernel,
-            self.border_cap_px,
-            self.outline_step_px,
-            self.keypoint_position_sigma_m,
-            self.keypoint_kernel,
-            self.free_form_sigma_m,
-            self.smoothness_sigma_m,
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class GroundPlane:
@@ -64,11 +43,6 @@ class GroundPlane:
     offset_m: float
     height_sigma_m: float
     tilt_sigma_rad: float
-
-    @property
-    def values(self) -> _Ground:
-        """The fields in the order in which the core takes them."""
-        return ([float(x) for x in self.normal], self.offset_m, self.height_sigma_m, self.tilt_sigma_rad)
 
     def height_m(self, point_in_world: Floats) -> float:
         """Height of a point (3,) over the plane."""
@@ -182,7 +156,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return _core.View(
-                camera.values,
+                camera,
                 floats(world_from_camera.matrix),
                 time_s,
                 origin,
@@ -218,7 +192,7 @@ class ObjectModel:
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 max_iterations,
                 least_decrease,
             )
@@ -240,7 +214,7 @@ class ObjectModel:
         """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
         with geometry_errors():
             return self._template.time(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 runs,
             )
 
@@ -262,7 +236,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.uncertainty(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 per_vertex,
             )
 
@@ -286,7 +260,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.covariance(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 list(blocks),
             )
 
@@ -306,7 +280,7 @@ class ObjectModel:
         weights = np.zeros(self.mode_count) if z is None else z
         with geometry_errors():
             root, cost, observations = self._template.square_root(
-                view, noise.values, floats(camera_from_object.matrix), floats(weights), np.zeros(0), modes
+                view, noise, floats(camera_from_object.matrix), floats(weights), np.zeros(0), modes
             )
         return SquareRoot(root, cost, observations)
 
@@ -316,14 +290,7 @@ class ObjectModel:
         Positive where the outline lies outside; NaN where the border is not the object's own.
         """
         with geometry_errors():
-            return self._template.border_distances(
-                list(views),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
-                step_px,
-            )
+            return self._template.border_distances(list(views), _native(state), step_px)
 
     def mask_ious(self, views: Sequence[View], poses: Sequence[Pose], vertices: Floats) -> Floats:
         """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed."""
@@ -336,8 +303,27 @@ def _problem(
     ground: GroundPlane | None,
     noise: NoiseModel,
     state: ObjectState,
-    scope: tuple[bool, bool, bool],
-) -> _Problem:
+    *,
+    modes: bool,
+    free_form: bool,
+    velocity: bool,
+) -> _core.Problem:
     """What the core takes as one."""
-    at = (floats(state.world_from_object.matrix), floats(state.z), floats(state.d), floats(state.velocity))
-    return list(views), None if ground is None else ground.values, noise.values, scope, *at
+    return _core.Problem(
+        views=list(views),
+        ground=ground,
+        noise=noise,
+        modes=modes,
+        free_form=free_form,
+        velocity=velocity,
+        state=_native(state),
+    )
+
+
+def _native(state: ObjectState) -> _core.ObjectState:
+    return _core.ObjectState(
+        world_from_object=floats(state.world_from_object.matrix),
+        z=floats(state.z),
+        d=floats(state.d),
+        velocity=floats(state.velocity),
+    )

@@ -49,7 +49,7 @@ def render(
     """
     placed = [(floats(pose.transform(floats(vertices))), ints(faces)) for pose, vertices, faces in meshes]
     with geometry_errors():
-        found = _core.rasterize(camera.values, placed, rect or (0, 0, camera.width, camera.height))
+        found = _core.rasterize(camera, placed, rect or (0, 0, camera.width, camera.height))
     return Rendering(*found)
 
 
@@ -68,7 +68,7 @@ def coverage(
     """
     with geometry_errors():
         return _core.coverage(
-            camera.values,
+            camera,
             floats(camera_from_object.transform(floats(vertices))),
             ints(faces),
             rect or (0, 0, camera.width, camera.height),
@@ -97,7 +97,7 @@ def outline(
     """Sample the outline of a mesh, `step_px` apart or less, where no other part of the mesh covers its outer side."""
     with geometry_errors():
         rows = _core.outline(
-            camera.values,
+            camera,
             floats(camera_from_object.transform(floats(vertices))),
             ints(faces),
             (0, 0, camera.width, camera.height),

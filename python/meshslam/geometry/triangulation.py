@@ -27,7 +27,7 @@ def triangulate(
     """
     poses = [floats(pose.inverse().matrix) for pose in world_from_camera]
     with geometry_errors():
-        found = _core.triangulate(camera.values, poses, floats(pixels), floats(sigma_px), cauchy)
+        found = _core.triangulate(camera, poses, floats(pixels), floats(sigma_px), cauchy)
     return None if found is None else (found[0][0], found[1])
 
 
