@@ -37,7 +37,7 @@ class NoiseModel:
 
 @dataclass(frozen=True, eq=False)
 class GroundPlane:
-    """The road near an object: normal . x = offset_m, in the world."""
+    """The road near an object: normal . x = offset_m, in the world; its height and tilt are known to their sigmas."""
 
     normal: Floats  # (3,), unit, up
     offset_m: float
@@ -45,7 +45,7 @@ class GroundPlane:
     tilt_sigma_rad: float
 
     def height_m(self, point_in_world: Floats) -> float:
-        """Height of a point (3,) over the plane."""
+        """Height of a point (3,), metres, over the plane."""
         return float(self.normal @ point_in_world) - self.offset_m
 
 
@@ -103,7 +103,11 @@ class ObjectModel:
         keypoint_weights: Floats,
         wheel_vertices: Ints,
     ) -> None:
-        """Take the mean (V, 3), faces (F, 3), modes (M, V, 3), mirror (V,), A transposed (K, V), wheels (n,)."""
+        """Take the mean (V, 3), faces (F, 3), modes (M, V, 3), mirror (V,), A transposed (K, V), wheels (n,).
+
+        Vertices and modes in metres, modes at one standard deviation. GeometryError for a wrong shape, an index that
+        names no vertex, or a value that is not finite.
+        """
         self.faces = ints(faces)
         self.keypoint_count = len(keypoint_weights)
         self.mode_count = len(modes)
@@ -123,11 +127,14 @@ class ObjectModel:
         return ObjectState(world_from_object, np.zeros(self.mode_count), d, np.zeros(3))
 
     def vertices(self, state: ObjectState) -> Floats:
-        """Vertices (V, 3) of a state's shape, in the object's frame."""
+        """Vertices (V, 3), metres, of a state's shape, in the object's frame."""
         return self._template.vertices(floats(state.z), floats(state.d))
 
     def free_form_gradient(self, vertex_gradient: Floats) -> Floats:
-        """S^T g (D,): a gradient over vertices (V, 3) as one over the free-form displacement d."""
+        """S^T g (D,): a gradient over vertices (V, 3) as one over the free-form displacement d.
+
+        GeometryError for a wrong shape, or a value that is not finite.
+        """
         with geometry_errors():
             return self._template.free_form_gradient(floats(vertex_gradient))
 
@@ -152,7 +159,8 @@ class ObjectModel:
 
         `distance_px` (h, w): signed distance to the observed border, negative inside. `cut`: the nearest border is not
         the object's own. `hidden`: an occluder covers the pixel. `border` (n, 2), with the length that each point
-        stands for and whether it is the object's own. Key points (k,), (k, 2), (k,).
+        stands for and whether it is the object's own. Key points (k,), (k, 2), (k,). Distances and sigmas are in
+        pixels. GeometryError for a wrong shape, an index that no key point has, or a value that is not finite.
         """
         with geometry_errors():
             return _core.View(
@@ -188,7 +196,8 @@ class ObjectModel:
         """Lower the cost over the pose, and over modes, free-form shape and velocity if asked, by Levenberg-Marquardt.
 
         A step is taken only if the true cost falls; the result is the best state seen, converged or not. It ends when a
-        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`.
+        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`. GeometryError
+        for a state that does not fit, or a noise model or ground whose values have no meaning.
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
@@ -211,7 +220,7 @@ class ObjectModel:
         velocity: bool = False,
         runs: int,
     ) -> list[float]:
-        """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
+        """Seconds of each of `runs` evaluations of residuals, Jacobians and normal equations."""
         with geometry_errors():
             return self._template.time(
                 _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
@@ -275,7 +284,8 @@ class ObjectModel:
     ) -> SquareRoot:
         """Linearize a view at a relative pose (the view's own pose and time are not used), with `modes` also over z.
 
-        Without z the mean shape is meant.
+        Without z (modes,), in standard deviations, the mean shape is meant. GeometryError for a shape that does not
+        fit, or a value that is not finite.
         """
         weights = np.zeros(self.mode_count) if z is None else z
         with geometry_errors():
@@ -285,15 +295,20 @@ class ObjectModel:
         return SquareRoot(root, cost, observations)
 
     def border_distances_px(self, views: Sequence[View], state: ObjectState, step_px: float) -> list[Floats]:
-        """Signed distance from each border point to the outline, in the points' order, an array a view.
+        """Signed distance, pixels, from each border point to the outline, in the points' order, an array a view.
 
-        Positive where the outline lies outside; NaN where the border is not the object's own.
+        Positive where the outline lies outside; NaN where the border is not the object's own. GeometryError for a state
+        that does not fit, or a step that is not positive.
         """
         with geometry_errors():
             return self._template.border_distances(list(views), _native(state), step_px)
 
     def mask_ious(self, views: Sequence[View], poses: Sequence[Pose], vertices: Floats) -> Floats:
-        """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed."""
+        """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed.
+
+        Poses are world_from_object, vertices (V, 3) in metres. GeometryError for a wrong shape, or a value that is not
+        finite.
+        """
         with geometry_errors():
             return self._template.mask_ious(list(views), [floats(p.matrix) for p in poses], floats(vertices))
 

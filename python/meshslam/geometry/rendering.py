@@ -43,9 +43,9 @@ def render(
 ) -> Rendering:
     """Draw meshes in one view, nearest in front (paper, Eq. 9).
 
-    Each mesh is (camera_from_object, vertices (n, 3), faces (m, 3)); `rect` is (x0, y0, width, height), by default the
-    whole image. A pixel is drawn where its centre lies in a face; on an edge the top-left rule decides. Faces are cut
-    at 0.1 m. GeometryError for NaN, or a face that names no vertex.
+    Each mesh is (camera_from_object, vertices (n, 3) in metres, faces (m, 3)); `rect` is (x0, y0, width, height), by
+    default the whole image. A pixel is drawn where its centre lies in a face; on an edge the top-left rule decides.
+    Faces are cut at 0.1 m. GeometryError for NaN, or a face that names no vertex.
     """
     placed = [(floats(pose.transform(floats(vertices))), ints(faces)) for pose, vertices, faces in meshes]
     with geometry_errors():
@@ -94,7 +94,11 @@ def outline(
     faces: Ints,
     step_px: float = 1.5,
 ) -> Outline:
-    """Sample the outline of a mesh, `step_px` apart or less, where no other part of the mesh covers its outer side."""
+    """Sample the outline of a mesh, `step_px` apart or less, where no other part of the mesh covers its outer side.
+
+    Vertices (n, 3) in metres, faces (m, 3). GeometryError for a value that is not finite, a face that names no
+    vertex, or a step that is not positive.
+    """
     with geometry_errors():
         rows = _core.outline(
             camera,
