@@ -32,13 +32,14 @@ demo: setup ## draw a street, map it, find the camera in the map, run SLAM: demo
 test: setup ## every test
 	$(BIN)/python scripts/test.py
 
-lint: setup ## formatting, clippy, ruff, mypy, import arrows, stub against binary: warnings are errors
+lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, stub against binary: warnings are errors
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --release --quiet -- -D warnings
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python scripts/check_core_modules.py
 	$(BIN)/python -m mypy.stubtest meshslam._core
 
 format: setup ## format and mend what can be mended

@@ -1,13 +1,15 @@
 """The native module; `meshslam.geometry` is its public face."""
 
 from collections.abc import Sequence
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
     "MaskLoss",
+    "ObjectState",
+    "Problem",
     "Template",
     "View",
     "cotangent_weights",
@@ -19,6 +21,7 @@ __all__ = [
     "outline",
     "rasterize",
     "right_jacobian",
+    "right_jacobian_inverse",
     "triangulate",
     "voxel_iou",
 ]
@@ -26,30 +29,73 @@ __all__ = [
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 _Bools = NDArray[np.bool_]
-_Camera = tuple[int, int, float, float, float, float, float]
-_Rect = tuple[int, int, int, int]
-_Model = tuple[float, float, float, float, float, float, float, float, float]
-_Ground = tuple[Sequence[float], float, float, float]
-_Scope = tuple[bool, bool, bool]
-# views, ground, model, scope; world_from_object, z, d, velocity
-_Problem = tuple[Sequence[View], _Ground | None, _Model, _Scope, _Floats, _Floats, _Floats, _Floats]
+_Rect = tuple[int, int, int, int]  # x0, y0, width, height
+
+# read by the names of their attributes
+
+class _Camera(Protocol):
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    @property
+    def skew(self) -> float: ...
+
+class _NoiseModel(Protocol):
+    @property
+    def border_sigma_px(self) -> float: ...
+    @property
+    def border_correlation_px(self) -> float: ...
+    @property
+    def border_kernel(self) -> float: ...
+    @property
+    def border_cap_px(self) -> float: ...
+    @property
+    def outline_step_px(self) -> float: ...
+    @property
+    def keypoint_position_sigma_m(self) -> float: ...
+    @property
+    def keypoint_kernel(self) -> float: ...
+    @property
+    def free_form_sigma_m(self) -> float: ...
+    @property
+    def smoothness_sigma_m(self) -> float: ...
+
+class _GroundPlane(Protocol):
+    @property
+    def normal(self) -> _Floats: ...
+    @property
+    def offset_m(self) -> float: ...
+    @property
+    def height_sigma_m(self) -> float: ...
+    @property
+    def tilt_sigma_rad(self) -> float: ...
 
 def exp_so3(theta: _Floats) -> _Floats: ...
 def log_so3(rotations: _Floats) -> _Floats: ...
 def right_jacobian(theta: _Floats) -> _Floats: ...
+def right_jacobian_inverse(theta: _Floats) -> _Floats: ...
 def cotangent_weights(vertices: _Floats, face_array: _Ints) -> tuple[_Ints, _Floats]: ...
 def voxel_iou(vertices_a: _Floats, faces_a: _Ints, vertices_b: _Floats, faces_b: _Ints, step_m: float) -> float: ...
 def triangulate(
-    camera_values: _Camera, camera_from_world: Sequence[_Floats], observed: _Floats, sigma_px: _Floats, cauchy: float
+    camera: _Camera, camera_from_world: Sequence[_Floats], observed: _Floats, sigma_px: _Floats, cauchy: float
 ) -> tuple[_Floats, _Floats] | None: ...
 def rasterize(
-    camera_values: _Camera, meshes: Sequence[tuple[_Floats, _Ints]], rect_values: _Rect
+    camera: _Camera, meshes: Sequence[tuple[_Floats, _Ints]], rect_values: _Rect
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], _Floats]: ...
 def coverage(
-    camera_values: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, samples: int
+    camera: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, samples: int
 ) -> _Floats: ...
 def outline(
-    camera_values: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, step_px: float
+    camera: _Camera, points_in_camera: _Floats, face_array: _Ints, rect_values: _Rect, step_px: float
 ) -> _Floats: ...
 
 _Gradient = tuple[float, float, float, _Floats, _Floats, _Floats]
@@ -65,7 +111,7 @@ def mask_gradients(
 class MaskLoss:
     def __new__(
         cls,
-        camera_values: _Camera,
+        camera: _Camera,
         vertex_count: int,
         face_array: _Ints,
         mask: NDArray[np.uint8],
@@ -79,7 +125,7 @@ class MaskLoss:
 class View:
     def __new__(
         cls,
-        camera_values: _Camera,
+        camera: _Camera,
         world_from_camera: _Floats,
         time_s: float,
         origin: tuple[int, int],
@@ -98,6 +144,24 @@ class View:
     def with_keypoint_sigma(self, sigma_px: float) -> View: ...
 
 @final
+class ObjectState:
+    def __new__(cls, *, world_from_object: _Floats, z: _Floats, d: _Floats, velocity: _Floats) -> ObjectState: ...
+
+@final
+class Problem:
+    def __new__(
+        cls,
+        *,
+        views: Sequence[View],
+        ground: _GroundPlane | None,
+        noise: _NoiseModel,
+        modes: bool,
+        free_form: bool,
+        velocity: bool,
+        state: ObjectState,
+    ) -> Problem: ...
+
+@final
 class Template:
     def __new__(
         cls,
@@ -114,38 +178,35 @@ class Template:
     def free_form_gradient(self, vertex_gradient: _Floats) -> _Floats: ...
     def refine(
         self,
-        problem: _Problem,
+        problem: Problem,
         max_iterations: int,
         least_decrease: float,
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, float, str, list[tuple[float, float, float, int]]]: ...
     def time(
         self,
-        problem: _Problem,
+        problem: Problem,
         runs: int,
     ) -> list[float]: ...
     def uncertainty(
         self,
-        problem: _Problem,
+        problem: Problem,
         per_vertex: bool,
     ) -> tuple[_Floats, _Floats, _Bools]: ...
     def covariance(
         self,
-        problem: _Problem,
+        problem: Problem,
         blocks: Sequence[str],
     ) -> _Floats: ...
     def border_distances(
         self,
         views: Sequence[View],
-        world_from_object: _Floats,
-        z: _Floats,
-        d: _Floats,
-        velocity: _Floats,
+        state: ObjectState,
         step_px: float,
     ) -> list[_Floats]: ...
     def square_root(
         self,
         view: View,
-        model_values: _Model,
+        noise: _NoiseModel,
         camera_from_object: _Floats,
         z: _Floats,
         d: _Floats,

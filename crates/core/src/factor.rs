@@ -47,16 +47,13 @@ pub fn square_root(
     if !d.is_empty() {
         check_length("free-form displacement", d.len(), template.symmetry.dimension())?;
     }
-    if view.keypoints.iter().any(|k| k.index >= template.keypoints.len()) {
-        return Err(Error::Range {
-            what: "the view's key points",
-            expected: "those of this template",
-            found: f64::NAN,
-        });
+    let count = template.keypoints.len();
+    if let Some(odd) = view.keypoints.iter().find(|k| k.index >= count) {
+        return Err(Error::Index { what: "key point", index: odd.index as i64, count });
     }
     let vertices = template.vertices(z, d);
     let mut rows = Rows::default();
-    let each_alone = vec![1; template.keypoints.len()];
+    let each_alone = vec![1; count];
     let sight = Sight { template, model, view, camera_from_object: *camera_from_object, vertices: &vertices };
     sight.push_rows(&each_alone, &mut rows);
     let columns = 6 + if modes { template.mode_count } else { 0 };

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod error;
 pub mod factor;
 pub mod gradients;
+pub mod kernel;
 pub mod lie;
 pub mod losses;
 pub mod mesh;

@@ -8,7 +8,6 @@ use crate::camera::Camera;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::lie::Pose;
 use crate::raster::Rect;
-use crate::residuals::keypoints::KeypointObservation;
 use crate::rounding::{floor, nearest};
 
 /// A point of an observed mask's border.
@@ -20,6 +19,17 @@ pub struct BorderPoint {
     pub length: f64,
     /// Whether the border is the object's own; if not (image border, occluder) the object reaches at least this far.
     pub own: bool,
+}
+
+/// A key point that was seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeypointObservation {
+    /// Which of the category's key points.
+    pub index: usize,
+    /// Where it was seen.
+    pub pixel: Vector2<f64>,
+    /// Standard deviation of each coordinate, pixels.
+    pub sigma_px: f64,
 }
 
 /// An object's mask and key points in one frame, and the camera that saw them. Copies share the pictures.

@@ -1,6 +1,5 @@
 //! Between numpy arrays and the core's types.
 
-use meshslam_core::camera::Camera;
 use meshslam_core::error::{Error, check_finite};
 use meshslam_core::lie::Pose;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -73,14 +72,6 @@ pub fn pose_to_rows(pose: &Pose) -> Vec<Vec<f64>> {
     let mut rows: Vec<Vec<f64>> = (0..3).map(|i| vec![r[(i, 0)], r[(i, 1)], r[(i, 2)], t[i]]).collect();
     rows.push(vec![0.0, 0.0, 0.0, 1.0]);
     rows
-}
-
-/// (width, height, fx, fy, cx, cy, skew).
-pub type CameraTuple = (usize, usize, f64, f64, f64, f64, f64);
-
-pub fn camera(values: CameraTuple) -> PyResult<Camera> {
-    let (width, height, fx, fy, cx, cy, skew) = values;
-    Camera { width, height, fx, fy, cx, cy, skew }.checked().map_err(to_python)
 }
 
 pub fn point_rows(points: &[Vector3<f64>]) -> Vec<Vec<f64>> {

@@ -1,8 +1,8 @@
 //! `lie`, `mesh`, `voxel` and `solve::triangulate` of the core.
 
 use meshslam_core::error::check_finite;
+use meshslam_core::kernel::Kernel;
 use meshslam_core::mesh::Topology;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::triangulate::{Sight, triangulate as core_triangulate};
 use meshslam_core::{lie, mesh, voxel};
 use nalgebra::Matrix3;
@@ -11,9 +11,8 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray3, PyUntyp
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::convert::{
-    CameraTuple, Floats1, Floats2, Ints2, camera, check_shape, faces, pixels, point_rows, points, pose, to_python,
-};
+use crate::convert::{Floats1, Floats2, Ints2, check_shape, faces, pixels, point_rows, points, pose, to_python};
+use crate::named::Camera;
 
 fn matrix3<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| m[(i, j)]).collect()).collect();
@@ -48,6 +47,11 @@ pub fn log_so3<'py>(py: Python<'py>, rotations: PyReadonlyArray3<f64>) -> PyResu
 #[pyfunction]
 pub fn right_jacobian<'py>(py: Python<'py>, theta: Floats2) -> PyResult<Bound<'py, PyArray3<f64>>> {
     matrices(py, &points("theta", &theta)?.iter().map(lie::right_jacobian).collect::<Vec<_>>())
+}
+
+#[pyfunction]
+pub fn right_jacobian_inverse<'py>(py: Python<'py>, theta: Floats2) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    matrices(py, &points("theta", &theta)?.iter().map(lie::right_jacobian_inverse).collect::<Vec<_>>())
 }
 
 /// Edges as rows, and their weights.
@@ -87,13 +91,13 @@ type PointEstimate<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)
 #[pyfunction]
 pub fn triangulate<'py>(
     py: Python<'py>,
-    camera_values: CameraTuple,
+    camera: Camera,
     camera_from_world: Vec<Floats2>,
     observed: Floats2,
     sigma_px: Floats1,
     cauchy: f64,
 ) -> PyResult<Option<PointEstimate<'py>>> {
-    let camera = camera(camera_values)?;
+    let Camera(camera) = camera;
     let observed = pixels("pixels", &observed)?;
     check_shape("camera_from_world", &[camera_from_world.len()], &[Some(observed.len())])?;
     check_shape("sigma_px", sigma_px.shape(), &[Some(observed.len())])?;

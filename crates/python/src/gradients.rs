@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use meshslam_core::camera::Camera;
+use meshslam_core::camera::Camera as CoreCamera;
 use meshslam_core::gradients::exact::{Workspace, exact_gradient};
 use meshslam_core::gradients::kato::{Picture, kato_gradient, pixel_gradient};
 use meshslam_core::gradients::{MaskGradient, ObservedMask};
@@ -19,12 +19,13 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::convert::{CameraTuple, Floats2, Ints2, camera, check_shape, faces, pixels, points, pose, to_python};
+use crate::convert::{Floats2, Ints2, check_shape, faces, pixels, points, pose, to_python};
+use crate::named::Camera;
 
 /// The mask loss of one topology against one observed mask in one camera.
 #[pyclass(frozen)]
 pub struct MaskLoss {
-    camera: Camera,
+    camera: CoreCamera,
     topology: Topology,
     observed: ObservedMask,
 }
@@ -49,7 +50,7 @@ fn vertex_rows(what: &'static str, array: &Floats2, count: usize) -> PyResult<Ve
 impl MaskLoss {
     #[new]
     fn new(
-        camera_values: CameraTuple,
+        camera: Camera,
         vertex_count: usize,
         face_array: Ints2,
         mask: PyReadonlyArray2<u8>,
@@ -59,7 +60,7 @@ impl MaskLoss {
         let rect = Rect { x0: origin.0, y0: origin.1, width: mask.shape()[1], height: mask.shape()[0] };
         let values: Vec<u8> = mask.as_array().iter().copied().collect();
         let observed = ObservedMask::new(rect, &values).map_err(to_python)?;
-        Ok(Self { camera: camera(camera_values)?, topology, observed })
+        Ok(Self { camera: camera.0, topology, observed })
     }
 
     /// Loss and gradient at a pose; `kato` takes Kato's gradient, else it is exact.

@@ -3,6 +3,7 @@
 mod convert;
 mod geometry;
 mod gradients;
+mod named;
 mod object;
 mod problem;
 mod raster;
@@ -13,11 +14,15 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::geometry::{cotangent_weights, exp_so3, log_so3, right_jacobian, triangulate, voxel_iou};
+    use super::geometry::{
+        cotangent_weights, exp_so3, log_so3, right_jacobian, right_jacobian_inverse, triangulate, voxel_iou,
+    };
     #[pymodule_export]
     use super::gradients::{MaskLoss, kato_pixel_gradient, mask_gradients};
     #[pymodule_export]
     use super::object::Template;
+    #[pymodule_export]
+    use super::problem::{ObjectState, Problem};
     #[pymodule_export]
     use super::raster::{coverage, outline, rasterize};
     #[pymodule_export]

@@ -11,7 +11,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::convert::{Floats1, Floats2, Ints2, check_shape, faces, point_rows, points, pose, pose_to_rows, to_python};
-use crate::problem::{Given, ModelTuple, Problem, block, model, state};
+use crate::named::NoiseModel;
+use crate::problem::{ObjectState, Problem, block};
 use crate::view::{View, core_views};
 
 /// A category's mesh with its shape space.
@@ -94,7 +95,7 @@ impl Template {
     fn refine<'py>(
         &self,
         py: Python<'py>,
-        problem: Problem<'py>,
+        problem: Bound<'py, Problem>,
         max_iterations: usize,
         least_decrease: f64,
     ) -> PyResult<(
@@ -106,7 +107,8 @@ impl Template {
         &'static str,
         IterationRows,
     )> {
-        let Given { views, ground, model, scope, state } = problem.given()?;
+        let Problem { ground, model, scope, state, .. } = problem.get();
+        let views = problem.get().views();
         let options = Options {
             max_iterations,
             relative_decrease: LEAST_SHARE,
@@ -114,7 +116,7 @@ impl Template {
             ..Options::default()
         };
         let estimate = py
-            .detach(|| object::refine(&self.inner, &views, ground, model, scope, state, &options))
+            .detach(|| object::refine(&self.inner, &views, *ground, *model, *scope, state.clone(), &options))
             .map_err(to_python)?;
         let stop = match estimate.report.stop {
             Stop::Converged => "converged",
@@ -135,19 +137,20 @@ impl Template {
     }
 
     /// Seconds of one evaluation of residuals, Jacobians and normal equations, each of `runs`.
-    fn time(&self, py: Python, problem: Problem, runs: usize) -> PyResult<Vec<f64>> {
-        let Given { views, ground, model, scope, state } = problem.given()?;
+    fn time(&self, py: Python, problem: Bound<Problem>, runs: usize) -> PyResult<Vec<f64>> {
+        let Problem { ground, model, scope, state, .. } = problem.get();
+        let views = problem.get().views();
         check_shape("z", &[state.z.len()], &[Some(self.inner.mode_count)])?;
         check_shape("d", &[state.d.len()], &[Some(self.inner.symmetry.dimension())])?;
         Ok(py.detach(|| {
-            let mut problem = ObjectProblem::new(&self.inner, &views, ground, model, scope);
+            let mut problem = ObjectProblem::new(&self.inner, &views, *ground, *model, *scope);
             let (mut hessian, mut gradient) = (problem.structure(), Vec::new());
             let mut once = || {
                 hessian.clear();
                 gradient.clear();
                 gradient.resize(hessian.size(), 0.0);
                 let start = std::time::Instant::now();
-                std::hint::black_box(problem.linearize(std::hint::black_box(&state), &mut hessian, &mut gradient));
+                std::hint::black_box(problem.linearize(std::hint::black_box(state), &mut hessian, &mut gradient));
                 start.elapsed().as_secs_f64()
             };
             (0..runs).map(|_| once()).collect()
@@ -159,12 +162,13 @@ impl Template {
     fn uncertainty<'py>(
         &self,
         py: Python<'py>,
-        problem: Problem<'py>,
+        problem: Bound<'py, Problem>,
         per_vertex: bool,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
-        let Given { views, ground, model, scope, state } = problem.given()?;
+        let Problem { ground, model, scope, state, .. } = problem.get();
+        let views = problem.get().views();
         let found = py
-            .detach(|| object::uncertainty(&self.inner, &views, ground, model, scope, &state, per_vertex))
+            .detach(|| object::uncertainty(&self.inner, &views, *ground, *model, *scope, state, per_vertex))
             .map_err(to_python)?;
         let covariance: Vec<Vec<f64>> =
             (0..6).map(|i| (0..6).map(|j| found.pose_covariance[(i, j)]).collect()).collect();
@@ -179,13 +183,14 @@ impl Template {
     fn covariance<'py>(
         &self,
         py: Python<'py>,
-        problem: Problem<'py>,
+        problem: Bound<'py, Problem>,
         blocks: Vec<String>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let Given { views, ground, model, scope, state } = problem.given()?;
-        let blocks = blocks.iter().map(|name| block(name, scope)).collect::<PyResult<Vec<Block>>>()?;
+        let Problem { ground, model, scope, state, .. } = problem.get();
+        let views = problem.get().views();
+        let blocks = blocks.iter().map(|name| block(name, *scope)).collect::<PyResult<Vec<Block>>>()?;
         let found = py
-            .detach(|| object::block_covariance(&self.inner, &views, ground, model, scope, &state, &blocks))
+            .detach(|| object::block_covariance(&self.inner, &views, *ground, *model, *scope, state, &blocks))
             .map_err(to_python)?;
         let rows: Vec<Vec<f64>> = found.row_iter().map(|row| row.iter().copied().collect()).collect();
         Ok(PyArray2::from_vec2(py, &rows)?)
@@ -196,21 +201,18 @@ impl Template {
     fn border_distances<'py>(
         &self,
         py: Python<'py>,
-        views: Vec<Bound<'py, View>>,
-        world_from_object: Floats2,
-        z: Floats1,
-        d: Floats1,
-        velocity: Floats1,
+        views: Vec<Py<View>>,
+        state: Bound<'py, ObjectState>,
         step_px: f64,
     ) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
         let views = core_views(&views);
-        let state = state(&world_from_object, &z, &d, &velocity)?;
+        let state = &state.get().inner;
         check_shape("z", &[state.z.len()], &[Some(self.inner.mode_count)])?;
         check_shape("d", &[state.d.len()], &[Some(self.inner.symmetry.dimension())])?;
         if !(step_px.is_finite() && step_px > 0.0) {
             return Err(PyValueError::new_err(format!("step_px must be positive, found {step_px}")));
         }
-        let of = |view: &&CoreView| object::border_distances(&self.inner, view, &state, step_px);
+        let of = |view: &&CoreView| object::border_distances(&self.inner, view, state, step_px);
         let found: Vec<Vec<f64>> = py.detach(|| views.iter().map(of).collect());
         Ok(found.into_iter().map(|row| PyArray1::from_vec(py, row)).collect())
     }
@@ -221,13 +223,13 @@ impl Template {
         &self,
         py: Python<'py>,
         view: Bound<'py, View>,
-        model_values: ModelTuple,
+        noise: NoiseModel,
         camera_from_object: Floats2,
         z: Floats1,
         d: Floats1,
         modes: bool,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, f64, f64)> {
-        let (model, pose) = (model(model_values)?, pose("camera_from_object", &camera_from_object)?);
+        let (model, pose) = (noise.0, pose("camera_from_object", &camera_from_object)?);
         let (z, d, view) = (z.as_array().to_vec(), d.as_array().to_vec(), &view.get().inner);
         let found =
             py.detach(|| factor::square_root(&self.inner, view, &model, &pose, &z, &d, modes)).map_err(to_python)?;
@@ -240,7 +242,7 @@ impl Template {
     fn mask_ious<'py>(
         &self,
         py: Python<'py>,
-        views: Vec<Bound<'py, View>>,
+        views: Vec<Py<View>>,
         world_from_object: Vec<Floats2>,
         vertices: Floats2,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {

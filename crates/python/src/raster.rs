@@ -8,7 +8,8 @@ use numpy::{IntoPyArray, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::convert::{CameraTuple, Floats2, Ints2, camera, faces, points, to_python};
+use crate::convert::{Floats2, Ints2, faces, points, to_python};
+use crate::named::Camera;
 
 /// Rectangle (x0, y0, width, height).
 type RectTuple = (i64, i64, usize, usize);
@@ -30,11 +31,11 @@ type Pictures<'py> = (Bound<'py, PyArray2<i32>>, Bound<'py, PyArray2<i32>>, Boun
 #[pyfunction]
 pub fn rasterize<'py>(
     py: Python<'py>,
-    camera_values: CameraTuple,
+    camera: Camera,
     meshes: Vec<(Floats2, Ints2)>,
     rect_values: RectTuple,
 ) -> PyResult<Pictures<'py>> {
-    let (camera, rect) = (camera(camera_values)?, rect(rect_values)?);
+    let (camera, rect) = (camera.0, rect(rect_values)?);
     let mut checked = Vec::with_capacity(meshes.len());
     for (vertices, face_array) in &meshes {
         let vertices = points("points_in_camera", vertices)?;
@@ -57,13 +58,13 @@ pub fn rasterize<'py>(
 #[pyfunction]
 pub fn coverage<'py>(
     py: Python<'py>,
-    camera_values: CameraTuple,
+    camera: Camera,
     points_in_camera: Floats2,
     face_array: Ints2,
     rect_values: RectTuple,
     samples: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, rect) = (camera(camera_values)?, rect(rect_values)?);
+    let (camera, rect) = (camera.0, rect(rect_values)?);
     if !(1..=64).contains(&samples) {
         return Err(PyValueError::new_err(format!("samples must be from 1 to 64, found {samples}")));
     }
@@ -77,13 +78,13 @@ pub fn coverage<'py>(
 #[pyfunction]
 pub fn outline<'py>(
     py: Python<'py>,
-    camera_values: CameraTuple,
+    camera: Camera,
     points_in_camera: Floats2,
     face_array: Ints2,
     rect_values: RectTuple,
     step_px: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (camera, rect) = (camera(camera_values)?, rect(rect_values)?);
+    let (camera, rect) = (camera.0, rect(rect_values)?);
     if !(step_px.is_finite() && step_px > 0.0) {
         return Err(PyValueError::new_err(format!("step_px must be positive, found {step_px}")));
     }

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use meshslam_core::raster::Rect;
-use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::view::{BorderPoint, View as CoreView};
+use meshslam_core::view::{BorderPoint, KeypointObservation, View as CoreView};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::convert::{CameraTuple, Floats1, Floats2, camera, check_shape, pixels, pose, to_python};
+use crate::convert::{Floats1, Floats2, check_shape, pixels, pose, to_python};
+use crate::named::Camera;
 
 /// What one frame shows of one object.
 #[pyclass(frozen)]
@@ -17,7 +17,7 @@ pub struct View {
     pub inner: CoreView,
 }
 
-pub fn core_views<'a>(views: &'a [Bound<View>]) -> Vec<&'a CoreView> {
+pub fn core_views(views: &[Py<View>]) -> Vec<&CoreView> {
     views.iter().map(|v| &v.get().inner).collect()
 }
 
@@ -26,7 +26,7 @@ impl View {
     #[new]
     #[allow(clippy::too_many_arguments)] // the fields of a view
     fn new(
-        camera_values: CameraTuple,
+        camera: Camera,
         world_from_camera: Floats2,
         time_s: f64,
         origin: (i64, i64),
@@ -55,7 +55,7 @@ impl View {
             .map(|(i, pixel)| BorderPoint { pixel, length: length[i], own: own[i] })
             .collect();
         let inner = CoreView {
-            camera: camera(camera_values)?,
+            camera: camera.0,
             world_from_camera: pose("world_from_camera", &world_from_camera)?,
             time_s,
             crop: Rect { x0: origin.0, y0: origin.1, width, height },

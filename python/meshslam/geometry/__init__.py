@@ -2,7 +2,7 @@
 
 from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
-from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian
+from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
 from meshslam.geometry.mask_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
 from meshslam.geometry.object_model import (
     Block,
@@ -28,8 +28,9 @@ from meshslam.geometry.observation import (
     projection_derivative,
     selection,
 )
-from meshslam.geometry.pose import Pose, nearest_rotation
+from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
 from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
+from meshslam.geometry.robust import geman_mcclure, geman_mcclure_soft
 from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
 from meshslam.geometry.triangulation import kabsch, triangulate
 
@@ -51,6 +52,7 @@ __all__ = [
     "Outline",
     "PixelDerivatives",
     "Pose",
+    "QuaternionOrder",
     "Refined",
     "Rendering",
     "Singles",
@@ -61,6 +63,8 @@ __all__ = [
     "coverage",
     "cross_matrix",
     "exp_so3",
+    "geman_mcclure",
+    "geman_mcclure_soft",
     "hat",
     "kabsch",
     "kato_pixel_gradient",
@@ -79,6 +83,7 @@ __all__ = [
     "projection_derivative",
     "render",
     "right_jacobian",
+    "right_jacobian_inverse",
     "selection",
     "triangulate",
     "voxel_iou",

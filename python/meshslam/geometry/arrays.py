@@ -1,4 +1,4 @@
-"""Array types that signatures speak of."""
+"""Array types that signatures speak of; shapes stand in the docstrings."""
 
 from typing import Any
 

@@ -17,7 +17,7 @@ from meshslam.geometry.pose import Pose
 
 @dataclass(frozen=True, eq=False)
 class MaskGradient:
-    """The loss -I/U with its gradients; areas in pixels."""
+    """The loss -I/U, from -1 to 0, and its gradients; areas I and U in pixels, tangents (translation, rotation)."""
 
     loss: float
     intersection: float
@@ -28,23 +28,27 @@ class MaskGradient:
 
 
 class MaskLoss:
-    """The loss of one mesh topology against one observed mask in one camera."""
+    """L_mask of one mesh topology against one observed mask in one camera (paper, Eq. 2)."""
 
     def __init__(
         self, camera: Camera, vertex_count: int, faces: Ints, mask: Bytes, origin: tuple[int, int] = (0, 0)
     ) -> None:
-        """Take faces (F, 3) and a mask (h, w) whose first pixel is `origin` (x, y); beyond it nothing is observed."""
+        """Take faces (F, 3) and a mask (h, w) whose first pixel is `origin` (x, y); beyond it nothing is observed.
+
+        GeometryError for a wrong shape, or a face that names no vertex.
+        """
         with geometry_errors():
             self._native = _core.MaskLoss(
-                camera.values, vertex_count, ints(faces), np.ascontiguousarray(mask, np.uint8), origin
+                camera, vertex_count, ints(faces), np.ascontiguousarray(mask, np.uint8), origin
             )
 
     def gradient(
         self, camera_from_object: Pose, vertices: Floats, method: Literal["exact", "kato"] = "exact"
     ) -> MaskGradient:
-        """Loss and gradient at a pose with vertices (V, 3).
+        """Loss and gradient at a pose with vertices (V, 3), metres, in the object's frame.
 
         `exact` integrates over the mask's outline; `kato` is the paper's approximation (Kato, Ushiku and Harada 2018).
+        GeometryError for a wrong shape, or a value that is not finite.
         """
         with geometry_errors():
             return MaskGradient(
@@ -52,12 +56,15 @@ class MaskLoss:
             )
 
     def draw(self, camera_from_object: Pose, vertices: Floats) -> Bytes:
-        """R_mask: the mesh's mask (h, w) on the whole image (paper, Eq. 9)."""
+        """R_mask: the mask (h, w) of vertices (V, 3), metres, on the whole image, 0 or 1 (paper, Eq. 9).
+
+        GeometryError for a wrong shape, or a value that is not finite.
+        """
         with geometry_errors():
             return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
 
     def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> list[float]:
-        """Time of each of `runs` exact evaluations: drawing, loss, chain rule; not what crosses over."""
+        """Seconds of each of `runs` exact evaluations: drawing, loss, chain rule; not what crosses over."""
         with geometry_errors():
             return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
 
@@ -65,7 +72,10 @@ class MaskLoss:
 def mask_gradients(
     losses: Sequence[MaskLoss], camera_from_object: Sequence[Pose], vertices: Floats, threads: int = 0
 ) -> list[MaskGradient]:
-    """Exact gradients of one mesh in many views, side by side on `threads` threads (0: all)."""
+    """Exact gradients of one mesh, vertices (V, 3) in metres, in many views, on `threads` threads at once (0: all).
+
+    One loss and one pose a view. GeometryError for a wrong shape, or a value that is not finite.
+    """
     poses = np.zeros((len(camera_from_object), 4, 4))
     for matrix, pose in zip(poses, camera_from_object, strict=True):
         matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.translation
@@ -78,6 +88,8 @@ def kato_pixel_gradient(vertex_pixels: Floats, faces: Ints, face_index: Ints, sl
     """Kato's gradient (V, 2) over vertex pixels (V, 2).
 
     `face_index` (h, w) is the face that each pixel shows, -1 for none; `slope` (h, w) is the loss's over its colour.
+    The gradient is in loss a pixel (Kato, Ushiku and Harada 2018). GeometryError for a wrong shape, an index that does
+    not exist, or a value that is not finite.
     """
     with geometry_errors():
         return _core.kato_pixel_gradient(

@@ -16,12 +16,6 @@ from meshslam.geometry.pose import Pose
 
 View = _core.View
 
-_Ground = tuple[list[float], float, float, float]
-_Noise = tuple[float, float, float, float, float, float, float, float, float]
-_Problem = tuple[
-    list[View], _Ground | None, _Noise, tuple[bool, bool, bool], Floats, Floats, Floats, Floats
-]  # views, ground, noise, what moves; world_from_object, z, d, velocity
-
 Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
 
 
@@ -40,38 +34,18 @@ class NoiseModel:
     free_form_sigma_m: float = 0.10  # of a vertex's free displacement
     smoothness_sigma_m: float = 0.01  # of its parting from its neighbours' average
 
-    @property
-    def values(self) -> _Noise:
-        """The fields in the order in which the core takes them."""
-        return (
-            self.border_sigma_px,
-            self.border_correlation_px,
-            self.border_kernel,
-            self.border_cap_px,
-            self.outline_step_px,
-            self.keypoint_position_sigma_m,
-            self.keypoint_kernel,
-            self.free_form_sigma_m,
-            self.smoothness_sigma_m,
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class GroundPlane:
-    """The road near an object: normal . x = offset_m, in the world."""
+    """The road near an object: normal . x = offset_m, in the world; its height and tilt are known to their sigmas."""
 
     normal: Floats  # (3,), unit, up
     offset_m: float
     height_sigma_m: float
     tilt_sigma_rad: float
 
-    @property
-    def values(self) -> _Ground:
-        """The fields in the order in which the core takes them."""
-        return ([float(x) for x in self.normal], self.offset_m, self.height_sigma_m, self.tilt_sigma_rad)
-
     def height_m(self, point_in_world: Floats) -> float:
-        """Height of a point (3,) over the plane."""
+        """Height of a point (3,), metres, over the plane."""
         return float(self.normal @ point_in_world) - self.offset_m
 
 
@@ -129,7 +103,11 @@ class ObjectModel:
         keypoint_weights: Floats,
         wheel_vertices: Ints,
     ) -> None:
-        """Take the mean (V, 3), faces (F, 3), modes (M, V, 3), mirror (V,), A transposed (K, V), wheels (n,)."""
+        """Take the mean (V, 3), faces (F, 3), modes (M, V, 3), mirror (V,), A transposed (K, V), wheels (n,).
+
+        Vertices and modes in metres, modes at one standard deviation. GeometryError for a wrong shape, an index that
+        names no vertex, or a value that is not finite.
+        """
         self.faces = ints(faces)
         self.keypoint_count = len(keypoint_weights)
         self.mode_count = len(modes)
@@ -149,11 +127,14 @@ class ObjectModel:
         return ObjectState(world_from_object, np.zeros(self.mode_count), d, np.zeros(3))
 
     def vertices(self, state: ObjectState) -> Floats:
-        """Vertices (V, 3) of a state's shape, in the object's frame."""
+        """Vertices (V, 3), metres, of a state's shape, in the object's frame."""
         return self._template.vertices(floats(state.z), floats(state.d))
 
     def free_form_gradient(self, vertex_gradient: Floats) -> Floats:
-        """S^T g (D,): a gradient over vertices (V, 3) as one over the free-form displacement d."""
+        """S^T g (D,): a gradient over vertices (V, 3) as one over the free-form displacement d.
+
+        GeometryError for a wrong shape, or a value that is not finite.
+        """
         with geometry_errors():
             return self._template.free_form_gradient(floats(vertex_gradient))
 
@@ -178,11 +159,12 @@ class ObjectModel:
 
         `distance_px` (h, w): signed distance to the observed border, negative inside. `cut`: the nearest border is not
         the object's own. `hidden`: an occluder covers the pixel. `border` (n, 2), with the length that each point
-        stands for and whether it is the object's own. Key points (k,), (k, 2), (k,).
+        stands for and whether it is the object's own. Key points (k,), (k, 2), (k,). Distances and sigmas are in
+        pixels. GeometryError for a wrong shape, an index that no key point has, or a value that is not finite.
         """
         with geometry_errors():
             return _core.View(
-                camera.values,
+                camera,
                 floats(world_from_camera.matrix),
                 time_s,
                 origin,
@@ -214,11 +196,12 @@ class ObjectModel:
         """Lower the cost over the pose, and over modes, free-form shape and velocity if asked, by Levenberg-Marquardt.
 
         A step is taken only if the true cost falls; the result is the best state seen, converged or not. It ends when a
-        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`.
+        step lowers the cost, half a squared Mahalanobis distance, by less than `least_decrease`. GeometryError
+        for a state that does not fit, or a noise model or ground whose values have no meaning.
         """
         with geometry_errors():
             pose, z, d, v, cost, stop, rows = self._template.refine(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 max_iterations,
                 least_decrease,
             )
@@ -237,10 +220,10 @@ class ObjectModel:
         velocity: bool = False,
         runs: int,
     ) -> list[float]:
-        """Time of each of `runs` evaluations of residuals, Jacobians and normal equations."""
+        """Seconds of each of `runs` evaluations of residuals, Jacobians and normal equations."""
         with geometry_errors():
             return self._template.time(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 runs,
             )
 
@@ -262,7 +245,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.uncertainty(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 per_vertex,
             )
 
@@ -286,7 +269,7 @@ class ObjectModel:
         """
         with geometry_errors():
             return self._template.covariance(
-                _problem(views, ground, noise, state, (modes, free_form, velocity)),
+                _problem(views, ground, noise, state, modes=modes, free_form=free_form, velocity=velocity),
                 list(blocks),
             )
 
@@ -301,32 +284,31 @@ class ObjectModel:
     ) -> SquareRoot:
         """Linearize a view at a relative pose (the view's own pose and time are not used), with `modes` also over z.
 
-        Without z the mean shape is meant.
+        Without z (modes,), in standard deviations, the mean shape is meant. GeometryError for a shape that does not
+        fit, or a value that is not finite.
         """
         weights = np.zeros(self.mode_count) if z is None else z
         with geometry_errors():
             root, cost, observations = self._template.square_root(
-                view, noise.values, floats(camera_from_object.matrix), floats(weights), np.zeros(0), modes
+                view, noise, floats(camera_from_object.matrix), floats(weights), np.zeros(0), modes
             )
         return SquareRoot(root, cost, observations)
 
     def border_distances_px(self, views: Sequence[View], state: ObjectState, step_px: float) -> list[Floats]:
-        """Signed distance from each border point to the outline, in the points' order, an array a view.
+        """Signed distance, pixels, from each border point to the outline, in the points' order, an array a view.
 
-        Positive where the outline lies outside; NaN where the border is not the object's own.
+        Positive where the outline lies outside; NaN where the border is not the object's own. GeometryError for a state
+        that does not fit, or a step that is not positive.
         """
         with geometry_errors():
-            return self._template.border_distances(
-                list(views),
-                floats(state.world_from_object.matrix),
-                floats(state.z),
-                floats(state.d),
-                floats(state.velocity),
-                step_px,
-            )
+            return self._template.border_distances(list(views), _native(state), step_px)
 
     def mask_ious(self, views: Sequence[View], poses: Sequence[Pose], vertices: Floats) -> Floats:
-        """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed."""
+        """IoU (poses, views) of the drawn mesh with the observed masks; hidden pixels count only where observed.
+
+        Poses are world_from_object, vertices (V, 3) in metres. GeometryError for a wrong shape, or a value that is not
+        finite.
+        """
         with geometry_errors():
             return self._template.mask_ious(list(views), [floats(p.matrix) for p in poses], floats(vertices))
 
@@ -336,8 +318,27 @@ def _problem(
     ground: GroundPlane | None,
     noise: NoiseModel,
     state: ObjectState,
-    scope: tuple[bool, bool, bool],
-) -> _Problem:
+    *,
+    modes: bool,
+    free_form: bool,
+    velocity: bool,
+) -> _core.Problem:
     """What the core takes as one."""
-    at = (floats(state.world_from_object.matrix), floats(state.z), floats(state.d), floats(state.velocity))
-    return list(views), None if ground is None else ground.values, noise.values, scope, *at
+    return _core.Problem(
+        views=list(views),
+        ground=ground,
+        noise=noise,
+        modes=modes,
+        free_form=free_form,
+        velocity=velocity,
+        state=_native(state),
+    )
+
+
+def _native(state: ObjectState) -> _core.ObjectState:
+    return _core.ObjectState(
+        world_from_object=floats(state.world_from_object.matrix),
+        z=floats(state.z),
+        d=floats(state.d),
+        velocity=floats(state.velocity),
+    )

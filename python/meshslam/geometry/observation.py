@@ -128,13 +128,7 @@ def projection_derivative(camera: Camera, points_in_camera: Floats) -> Floats:
 
     NaN on or behind the image plane, where no pixel is.
     """
-    points = _checked("points_in_camera", points_in_camera, 3)
-    depth = np.where(points[..., 2] > 0, points[..., 2], np.nan)
-    x, y, one, none = points[..., 0] / depth, points[..., 1] / depth, np.ones_like(depth), np.zeros_like(depth)
-    rows = ((one, none, -x), (none, one, -y))
-    of_pi = np.stack([np.stack(row, -1) for row in rows], -2) / depth[..., None, None]
-    derivative: Floats = camera.matrix[:2, :2] @ of_pi
-    return derivative
+    return camera.projection_jacobian(_checked("points_in_camera", points_in_camera, 3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,13 +43,13 @@ def render(
 ) -> Rendering:
     """Draw meshes in one view, nearest in front (paper, Eq. 9).
 
-    Each mesh is (camera_from_object, vertices (n, 3), faces (m, 3)); `rect` is (x0, y0, width, height), by default the
-    whole image. A pixel is drawn where its centre lies in a face; on an edge the top-left rule decides. Faces are cut
-    at 0.1 m. GeometryError for NaN, or a face that names no vertex.
+    Each mesh is (camera_from_object, vertices (n, 3) in metres, faces (m, 3)); `rect` is (x0, y0, width, height), by
+    default the whole image. A pixel is drawn where its centre lies in a face; on an edge the top-left rule decides.
+    Faces are cut at 0.1 m. GeometryError for NaN, or a face that names no vertex.
     """
     placed = [(floats(pose.transform(floats(vertices))), ints(faces)) for pose, vertices, faces in meshes]
     with geometry_errors():
-        found = _core.rasterize(camera.values, placed, rect or (0, 0, camera.width, camera.height))
+        found = _core.rasterize(camera, placed, rect or (0, 0, camera.width, camera.height))
     return Rendering(*found)
 
 
@@ -68,7 +68,7 @@ def coverage(
     """
     with geometry_errors():
         return _core.coverage(
-            camera.values,
+            camera,
             floats(camera_from_object.transform(floats(vertices))),
             ints(faces),
             rect or (0, 0, camera.width, camera.height),
@@ -94,10 +94,14 @@ def outline(
     faces: Ints,
     step_px: float = 1.5,
 ) -> Outline:
-    """Sample the outline of a mesh, `step_px` apart or less, where no other part of the mesh covers its outer side."""
+    """Sample the outline of a mesh, `step_px` apart or less, where no other part of the mesh covers its outer side.
+
+    Vertices (n, 3) in metres, faces (m, 3). GeometryError for a value that is not finite, a face that names no
+    vertex, or a step that is not positive.
+    """
     with geometry_errors():
         rows = _core.outline(
-            camera.values,
+            camera,
             floats(camera_from_object.transform(floats(vertices))),
             ints(faces),
             (0, 0, camera.width, camera.height),

@@ -21,18 +21,26 @@ def triangulate(
     sigma_px: Floats,
     cauchy: float = 2.0,
 ) -> tuple[Floats, Floats] | None:
-    """Find the point (3,) and its covariance (3, 3) from pixels (n, 2) by Levenberg-Marquardt on L_kps.
+    """Find the point (3,), metres, and its covariance (3, 3) from pixels (n, 2) by Levenberg-Marquardt on L_kps.
 
-    None where the rays do not fix it. `cauchy` is the robust kernel's threshold in sigmas.
+    One pose and one `sigma_px` (n,) a pixel; `cauchy` is the robust kernel's threshold in sigmas. None where the rays
+    do not fix the point. GeometryError for a wrong shape, or a value that is not finite.
     """
     poses = [floats(pose.inverse().matrix) for pose in world_from_camera]
     with geometry_errors():
-        found = _core.triangulate(camera.values, poses, floats(pixels), floats(sigma_px), cauchy)
+        found = _core.triangulate(camera, poses, floats(pixels), floats(sigma_px), cauchy)
     return None if found is None else (found[0][0], found[1])
 
 
 def kabsch(points_a: Floats, points_b: Floats, weights: Floats | None = None) -> Pose:
-    """The rigid a_from_b that lays points_b (n, 3) on points_a best (Kabsch 1976); n >= 3."""
+    """The rigid a_from_b that lays points_b (n, 3) on points_a best (Kabsch 1976); n >= 3.
+
+    `weights` (n,) are all 1 if not given. GeometryError for fewer points, or arrays of two shapes.
+
+    >>> b = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> kabsch(b + [0.0, 0.0, 2.0], b).translation.round(9) + 0.0
+    array([0., 0., 2.])
+    """
     if points_a.shape != points_b.shape or len(points_a) < 3:
         raise GeometryError(
             f"Kabsch needs the same 3 or more points twice, found {points_a.shape} and {points_b.shape}"

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from meshslam.features import PointConfig, PointTracks
-from meshslam.geometry import Bools, Camera, Floats, Pose
+from meshslam.geometry import Bools, Camera, Floats, Pose, geman_mcclure_soft, hat
 from meshslam.graph.object_factor import CameraKeys, CameraMemo
 from meshslam.motion import to_gtsam_columns
 
@@ -48,7 +48,7 @@ def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tupl
     points: Floats = np.linalg.solve(normal, (across @ (eyes - eyes[0])[None, :, :, None]).sum(1))[..., 0] + eyes[0]
     for _ in range(_STEPS):
         seen = _in_cameras(points, rotations, eyes[None])
-        by_point = _projection(seen, camera) @ rotations.transpose(0, 2, 1)[None]
+        by_point = camera.projection_jacobian(_before(seen)) @ rotations.transpose(0, 2, 1)[None]
         gap = camera.project(_before(seen)) - pixels
         hessian = np.einsum("nmki,nmkj->nij", by_point, by_point)
         hessian += _DAMPING * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(3)
@@ -79,10 +79,10 @@ def triangulated(pixels: Floats, cameras: Sequence[Pose], camera: Camera, config
     rotations, eyes = _stacked(cameras)
     seen = _in_cameras(points, rotations, finite[:, None, None] * eyes)
     residual = ((camera.project(_before(seen)) - pixels) / config.sigma_px).reshape(len(pixels), -1)
-    by_point = _projection(seen, camera) / config.sigma_px @ rotations.transpose(0, 2, 1)[None]
+    by_point = camera.projection_jacobian(_before(seen)) / config.sigma_px @ rotations.transpose(0, 2, 1)[None]
     by_point = by_point.reshape(len(pixels), -1, 3)
     rest = _projected_out(by_point, residual[..., None])
-    soft: Floats = 1.0 + (rest**2).sum((1, 2)) / ((rest.shape[1] - 3) * config.kernel**2)
+    soft: Floats = geman_mcclure_soft((rest**2).sum((1, 2)), (rest.shape[1] - 3) * config.kernel**2)
     return Triangulated(seen, finite, by_point, rest, soft)
 
 
@@ -90,9 +90,11 @@ def linearize(at: Triangulated, camera: Camera, config: PointConfig) -> Lineariz
     """Normal equations of tracks, each with Geman and McClure's weight."""
     count, length = at.seen.shape[:2]
     shifted = np.broadcast_to(-np.eye(3) * at.finite[:, None, None, None], (*at.seen.shape, 3))
-    moved = np.concatenate([shifted, _hats(at.seen)], axis=3)
+    moved = np.concatenate([shifted, hat(at.seen)], axis=3)
     by_camera, index = np.zeros((count, length, 2, length, 6)), np.arange(length)
-    by_camera[:, index, :, index] = (_projection(at.seen, camera) / config.sigma_px @ moved).transpose(1, 0, 2, 3)
+    by_camera[:, index, :, index] = (camera.projection_jacobian(_before(at.seen)) / config.sigma_px @ moved).transpose(
+        1, 0, 2, 3
+    )
     left = _projected_out(at.by_point, by_camera.reshape(count, 2 * length, 6 * length)) / at.soft[:, None, None]
     across, right = left.transpose(0, 2, 1), at.rest / at.soft[:, None, None]
     return Linearized((across @ left).sum(0), (across @ right).sum(0)[:, 0], at.cost())
@@ -188,20 +190,3 @@ def _before(seen: Floats) -> Floats:
     out = seen.copy()
     out[..., 2] = np.maximum(out[..., 2], 0.1)
     return out
-
-
-def _projection(seen: Floats, camera: Camera) -> Floats:
-    """Derivative (n, m, 2, 3) of pixels over points in the camera."""
-    x, y, z = np.moveaxis(_before(seen), -1, 0)
-    out = np.zeros((*seen.shape[:2], 2, 3))
-    out[..., 0, 0], out[..., 0, 1] = camera.fx / z, camera.skew / z
-    out[..., 0, 2] = -(camera.fx * x + camera.skew * y) / z**2
-    out[..., 1, 1], out[..., 1, 2] = camera.fy / z, -camera.fy * y / z**2
-    return out
-
-
-def _hats(vectors: Floats) -> Floats:
-    """Cross product matrices (..., 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vectors.shape, 3)

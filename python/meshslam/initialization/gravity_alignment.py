@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Camera, Floats
+from meshslam.geometry import Camera, Floats, geman_mcclure_soft
 
 _KERNELS = np.array([8.0, 4.0, 2.0, 1.4, 1.0, 1.0, 1.0, 1.0])  # graduated: all objects count at first
 
@@ -205,4 +205,4 @@ def _road_vehicle_rows(
 def _robust(columns: dict[int, Floats], right: Floats, x: Floats, kernel: float) -> float:
     """Geman and McClure's weight of a sight at a solution."""
     residual = sum((block @ x[at : at + block.shape[1]] for at, block in columns.items()), -right)
-    return float((1.0 + float(residual @ residual) / kernel**2) ** -2)
+    return float(geman_mcclure_soft(float(residual @ residual), kernel**2) ** -2)

@@ -19,7 +19,7 @@ from meshslam.initialization.gravity_alignment import (
     align,
     levelled,
 )
-from meshslam.motion import ImuConfig, NavState, Preintegrator
+from meshslam.motion import ImuConfig, NavState, Preintegrator, mean_specific_force
 from meshslam.objects import is_cut
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
@@ -55,7 +55,8 @@ def rough_start(
     observations = first_box_observations(first, detections, frames)
     gyroscope_bias = standing_rate(imu, first.times_s[:frames])
     motions = camera_motions(imu, imu_from_camera, first.times_s[:frames], config, gyroscope_bias)
-    force = mean_force(imu, motions, imu_from_camera, first.times_s[:frames])
+    turns = [m.rotation @ imu_from_camera.rotation.T for m in motions]
+    force = mean_specific_force(imu, first.times_s[:frames], turns)
     found = align(
         motions, observations, first.camera, force, config.gravity_m_s2, first.height_above_ground_m, alignment
     )
@@ -147,14 +148,6 @@ def camera_motions(
         rotation, gain = turned @ imu_from_camera.rotation, np.asarray(measured.deltaVij(), float)
         motions.append(CameraMotion(time_s - first_s, rotation, moved + turned @ arm, gain))
     return motions
-
-
-def mean_force(imu: ImuSamples, motions: list[CameraMotion], imu_from_camera: Pose, times_s: Floats) -> Floats:
-    """Mean specific force (3,) over the frames, in the first IMU's frame."""
-    forces = np.array([[np.interp(t, imu.times_s, c) for c in imu.specific_force_m_s2.T] for t in times_s])
-    turned = [m.rotation @ imu_from_camera.rotation.T @ f for m, f in zip(motions, forces, strict=True)]
-    mean: Floats = np.mean(turned, axis=0)
-    return mean
 
 
 def standing_rate(imu: ImuSamples, times_s: Floats) -> Floats:

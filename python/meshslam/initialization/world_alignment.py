@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, cross_matrix
 from meshslam.maps import Map
-from meshslam.motion import first_velocity
+from meshslam.motion import first_velocity, mean_specific_force
 from meshslam.sequences import WORLD_FROM_FIRST_CAMERA, ImuSamples, Sequence
 
 Path = tuple[Pose, ...]
@@ -37,10 +37,9 @@ def level_from_world(sequence: Sequence, imu: ImuSamples, imu_from_camera: Pose)
     poses, times_s = sequence.world_from_camera, sequence.times_s
     if sequence.is_levelled or poses is None or len(poses) < 4:
         return Pose.identity()
-    forces = np.array([np.interp(times_s, imu.times_s, c) for c in imu.specific_force_m_s2.T]).T
-    turned = [p.rotation @ imu_from_camera.rotation.T @ f for p, f in zip(poses, forces, strict=True)]
+    mean_force = mean_specific_force(imu, times_s, [p.rotation @ imu_from_camera.rotation.T for p in poses])
     gain = -first_velocity(-times_s[::-1], poses[::-1]) - first_velocity(times_s, poses)
-    up = np.mean(turned, axis=0) - gain / (times_s[-1] - times_s[0])
+    up = mean_force - gain / (times_s[-1] - times_s[0])
     return Pose(_shortest_turn(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0])), np.zeros(3))
 
 
@@ -71,7 +70,6 @@ def _heading(world_from_camera: Pose) -> float:
 
 def _shortest_turn(one: Floats, other: Floats) -> Floats:
     """Rotation (3, 3) that takes a unit vector to another, neither being the other's opposite (Rodrigues)."""
-    x, y, z = np.cross(one, other)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(np.cross(one, other))
     turn: Floats = np.eye(3) + cross + cross @ cross / (1.0 + float(one @ other))
     return turn

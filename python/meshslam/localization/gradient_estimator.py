@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from meshslam.categories import keypoint_order
-from meshslam.geometry import Camera, Floats, MaskLoss, Pose
+from meshslam.geometry import Camera, Floats, MaskLoss, Pose, geman_mcclure_soft
 from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.data_association import FrameMasks, associate, in_view
@@ -47,12 +47,9 @@ class CameraLoss:
                 continue
             gap = self.camera.project(point) - pixel
             squared = float(gap @ gap) / sigma**2
-            soft = 1.0 + squared / _KERNEL**2
+            soft = geman_mcclure_soft(squared, _KERNEL**2)
             weight = self.keypoint_weight / sigma**2 / soft**2
-            x, y, z = point
-            fx, fy, skew = self.camera.fx, self.camera.fy, self.camera.skew
-            by_point = np.array([[fx / z, skew / z, -(fx * x + skew * y) / z**2], [0.0, fy / z, -fy * y / z**2]])
-            slope = 2 * weight * by_point.T @ gap
+            slope = 2 * weight * self.camera.projection_jacobian(point).T @ gap
             loss += self.keypoint_weight * squared / soft
             gradient[:3] -= slope
             gradient[3:] -= np.cross(point, slope)  # a camera that turns by w moves the point by -w x point

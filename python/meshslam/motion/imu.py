@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -11,7 +12,8 @@ from meshslam.errors import SequenceError
 from meshslam.geometry import Floats, Pose, exp_so3
 from meshslam.motion.config import ImuConfig
 from meshslam.motion.gtsam_bridge import from_pose3, to_pose3
-from meshslam.sequences import ImuSamples, Sequence
+from meshslam.sequences import ImuSamples
+from meshslam.sequences import Sequence as Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class RelativeMotion:
     has_gap: bool = False
 
 
-def check_imu(sequence: Sequence, config: ImuConfig) -> tuple[ImuSamples, Pose]:
+def check_imu(sequence: Recording, config: ImuConfig) -> tuple[ImuSamples, Pose]:
     """The sequence's IMU and imu_from_camera; SequenceError in clear words where inertial odometry cannot work."""
     imu, root = sequence.imu, sequence.root
     if imu is None:
@@ -145,6 +147,13 @@ def state_of_camera(
 def rate_at(imu: ImuSamples, time_s: float) -> Floats:
     """Measured angular rate (3,) at a time."""
     return np.array([np.interp(time_s, imu.times_s, column) for column in imu.angular_rate_rad_s.T])
+
+
+def mean_specific_force(imu: ImuSamples, times_s: Floats, frame_from_imu: Sequence[Floats]) -> Floats:
+    """Mean specific force (3,) over times, each turned by its rotation (3, 3) into a common frame."""
+    forces = np.array([np.interp(times_s, imu.times_s, column) for column in imu.specific_force_m_s2.T]).T
+    mean: Floats = np.mean([turn @ force for turn, force in zip(frame_from_imu, forces, strict=True)], axis=0)
+    return mean
 
 
 def _params(config: ImuConfig, gyroscope: float, accelerometer: float) -> gtsam.PreintegrationCombinedParams:

@@ -1,7 +1,7 @@
-//! Where each parameter stands in the normal equations, and the prior of the free form.
+//! Where each parameter stands in the normal equations.
 
-use super::{Model, Scope};
-use crate::solve::envelope::{Envelope, reverse_cuthill_mckee};
+use super::model::Scope;
+use crate::solve::envelope::reverse_cuthill_mckee;
 use crate::template::Template;
 
 /// Where each parameter stands in the normal equations: free-form first, in an order that keeps neighbours together, then pose, modes, velocity.
@@ -43,6 +43,20 @@ impl Layout {
         }
         Self { position, first, free_form: next, dense }
     }
+
+    /// Where the velocity stands among the dense parameters.
+    pub fn velocity_start(&self) -> usize {
+        self.dense - 3
+    }
+
+    /// Free-form parameters in the order of the normal equations.
+    pub fn ordered(&self, d: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.free_form];
+        for (dof, value) in d.iter().enumerate() {
+            out[self.position[dof]] = *value;
+        }
+        out
+    }
 }
 
 /// Free-form blocks of the vertices that touch the ground.
@@ -71,54 +85,4 @@ fn coupled_blocks(template: &Template) -> Vec<Vec<u32>> {
         list.dedup();
     }
     coupled
-}
-
-/// Precision of d: each vertex stays near 0, and near its neighbours' average (normalized cotangent Laplacian of the mean).
-pub(super) fn free_form_prior(template: &Template, layout: &Layout, model: &Model) -> Envelope {
-    let mut out = Envelope::new(layout.first.clone());
-    let symmetry = &template.symmetry;
-    for (block, neighbours) in template.laplacian.iter().enumerate() {
-        let area = template.relative_area[block];
-        let alone = area / model.free_form_sigma_m.powi(2);
-        let together = 1.0 / (area * model.smoothness_sigma_m.powi(2));
-        for dof in symmetry.offset[block]..symmetry.offset[block + 1] {
-            out.add(layout.position[dof], layout.position[dof], alone);
-        }
-        for axis in 0..3 {
-            let vertex = symmetry.representative[block] as usize;
-            let mut row: Vec<(usize, f64)> = Vec::new();
-            let mut push = |v: usize, share: f64| {
-                for (dof, _, sign) in symmetry.freedoms(v).filter(|&(_, a, _)| a == axis) {
-                    let at = layout.position[dof];
-                    match row.iter_mut().find(|(i, _)| *i == at) {
-                        Some((_, sum)) => *sum += share * sign,
-                        None => row.push((at, share * sign)),
-                    }
-                }
-            };
-            push(vertex, 1.0);
-            neighbours.iter().for_each(|&(v, share)| push(v as usize, -share));
-            for n in 0..row.len() {
-                for m in 0..=n {
-                    out.add(row[n].0, row[m].0, together * row[n].1 * row[m].1);
-                }
-            }
-        }
-    }
-    out
-}
-
-/// Product of the leading part of a symmetric matrix with a vector.
-pub(super) fn multiply(matrix: &Envelope, x: &[f64], size: usize) -> Vec<f64> {
-    let mut out = vec![0.0; size];
-    for i in 0..size {
-        let (first, row) = matrix.row(i);
-        let mut sum = row[i - first] * x[i];
-        for (j, entry) in (first..i).zip(row) {
-            sum += entry * x[j];
-            out[j] += entry * x[i];
-        }
-        out[i] += sum;
-    }
-    out
 }

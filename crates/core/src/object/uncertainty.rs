@@ -2,7 +2,9 @@
 
 use nalgebra::{DMatrix, Matrix6, Vector3};
 
-use super::{Model, ObjectProblem, ObjectState, Scope, check_state};
+use super::model::{Model, Scope};
+use super::problem::ObjectProblem;
+use super::state::ObjectState;
 use crate::error::Result;
 use crate::residuals::Rows;
 use crate::residuals::ground::Ground;
@@ -51,7 +53,7 @@ pub fn uncertainty(
     state: &ObjectState,
     per_vertex: bool,
 ) -> Result<Uncertainty> {
-    check_state(template, state)?;
+    state.check(template)?;
     let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let mut factor = problem.structure();
     let mut gradient = vec![0.0; factor.size()];
@@ -77,7 +79,7 @@ pub fn block_covariance(
     state: &ObjectState,
     blocks: &[Block],
 ) -> Result<DMatrix<f64>> {
-    check_state(template, state)?;
+    state.check(template)?;
     let mut problem = ObjectProblem::new(template, views, ground, model, scope).with_shared_keypoint_offsets();
     let chosen: Vec<usize> = blocks.iter().flat_map(|&block| parameters(&problem, block)).collect();
     covariance(&mut problem, state, &chosen)
@@ -91,7 +93,7 @@ fn parameters(problem: &ObjectProblem, block: Block) -> Vec<usize> {
         Block::Pose => (base..base + 6).collect(),
         Block::Modes if scope.modes => (base + 6..base + 6 + template.mode_count).collect(),
         Block::FreeForm => layout.position.clone(),
-        Block::Velocity if scope.velocity => (base + layout.dense - 3..base + layout.dense).collect(),
+        Block::Velocity if scope.velocity => (base + layout.velocity_start()..base + layout.dense).collect(),
         Block::Modes | Block::Velocity => Vec::new(),
     }
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Model, ObjectState};
+use super::model::Model;
+use super::state::ObjectState;
 use crate::lie::Pose;
 use crate::mesh::Topology;
 use crate::outline::{OutlineSample, contour_samples, outline};

@@ -7,8 +7,10 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{Rows, Term, kernel::Kernel, nearest::Cells};
+use super::nearest::Cells;
+use super::{Rows, Term};
 use crate::camera::Camera;
+use crate::kernel::Kernel;
 use crate::lie::Pose;
 use crate::outline::OutlineSample;
 use crate::simd::wide;

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Rows, Term, kernel::Kernel};
+use super::{Rows, Term};
+use crate::kernel::Kernel;
 use crate::lie::Pose;
 
 /// The road near an object, as a plane in the world: `normal · x = offset`.

@@ -1,22 +1,13 @@
 //! Key points: y − Kπ(R_cᵀ(R_o V a + p_o − p_c)) (paper, Eq. 5, Proposition 2).
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-use super::{Rows, Term, kernel::Kernel};
+use super::{Rows, Term};
 use crate::camera::Camera;
+use crate::kernel::Kernel;
 use crate::lie::Pose;
 use crate::raster::NEAR_M;
-
-/// A key point that was seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KeypointObservation {
-    /// Which of the category's key points.
-    pub index: usize,
-    /// Where it was seen.
-    pub pixel: Vector2<f64>,
-    /// Standard deviation of each coordinate, pixels.
-    pub sigma_px: f64,
-}
+use crate::view::KeypointObservation;
 
 /// How far the category's key points may lie from an instance's.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,13 +7,13 @@
 
 pub mod border;
 pub mod ground;
-pub mod kernel;
 pub mod keypoints;
 pub mod nearest;
 pub mod normal;
 
 use nalgebra::{Vector3, Vector6};
 
+use crate::kernel::Kernel;
 use crate::lie::Pose;
 
 /// ∂r/∂v of one vertex, in the object's frame.
@@ -33,7 +33,7 @@ pub struct Row {
     /// Weight beside the kernel: the share of an independent observation that the row is.
     pub weight: f64,
     /// The robust kernel.
-    pub kernel: kernel::Kernel,
+    pub kernel: Kernel,
     /// When it was seen, seconds from the state's time.
     pub time_s: f64,
     first: u32,
@@ -64,7 +64,7 @@ impl Rows {
     }
 
     /// Add a row.
-    pub fn push(&mut self, residual: f64, weight: f64, kernel: kernel::Kernel, terms: impl IntoIterator<Item = Term>) {
+    pub fn push(&mut self, residual: f64, weight: f64, kernel: Kernel, terms: impl IntoIterator<Item = Term>) {
         let first = self.terms.len() as u32;
         self.terms.extend(terms);
         let count = self.terms.len() as u32 - first;

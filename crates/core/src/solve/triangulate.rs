@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::envelope::Envelope;
 use super::levenberg_marquardt::{Options, Problem, covariance, levenberg_marquardt};
 use crate::camera::Camera;
+use crate::kernel::Kernel;
 use crate::lie::Pose;
 use crate::raster::NEAR_M;
-use crate::residuals::kernel::Kernel;
 
 /// One sight of the point.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,8 +5,7 @@ use std::collections::HashMap;
 use meshslam_core::camera::Camera;
 use meshslam_core::lie::{Pose, exp_so3};
 use meshslam_core::raster::{Rect, fill_mask};
-use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::view::{BorderPoint, View};
+use meshslam_core::view::{BorderPoint, KeypointObservation, View};
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 

@@ -1,4 +1,4 @@
-use meshslam_core::residuals::kernel::Kernel;
+use meshslam_core::kernel::Kernel;
 use proptest::prelude::*;
 
 fn kernel() -> impl Strategy<Value = Kernel> {

@@ -1,19 +1,21 @@
 use std::sync::Arc;
 
+use meshslam_core::kernel::Kernel;
 use meshslam_core::lie::Pose;
 use meshslam_core::object::{
     Block, Model, ObjectProblem, ObjectState, Scope, block_covariance, mask_iou, refine, uncertainty,
 };
 use meshslam_core::residuals::border::BorderNoise;
 use meshslam_core::residuals::ground::Ground;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::envelope::Envelope;
 use meshslam_core::solve::levenberg_marquardt::{Options, Problem};
 use meshslam_core::template::Template;
 use meshslam_core::view::View;
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 
-use crate::common::{Random, camera, cuboid, drawn, icosphere, ideal_view, looking, mirror, placed, signed, six};
+use crate::common::{
+    Random, camera, cuboid, differences, drawn, icosphere, ideal_view, looking, mirror, placed, signed, six,
+};
 
 /// A rounded body of 4 x 1.8 x 1.4 m with two symmetric modes, six key points and four wheels.
 pub fn template() -> Template {
@@ -475,4 +477,60 @@ fn states_that_do_not_fit_are_refused() {
         assert!(uncertainty(&template, &[], None, model(), SCOPES[3], &state, false).is_err());
         assert!(refine(&template, &[], None, model(), SCOPES[3], state, &Options::default()).is_err());
     }
+}
+
+/// Inverse covariance of the pose from key points alone, each with one offset of the category that all its views share:
+/// the stacked pixels of n views have the covariance σ² I + τ² 1 1ᵀ, written out and inverted.
+fn information_of_shared_offsets(template: &Template, state: &ObjectState, views: &[View], tau_m: f64) -> Matrix6<f64> {
+    let vertices = template.vertices(&state.z, &state.d);
+    let pixel = |view: &View, k: usize, step: &[f64; 6]| {
+        let pose = state.world_from_object.retract(&six(step));
+        let point = pose.transform(&keypoints(template, &vertices)[k]);
+        view.camera.project(&view.world_from_camera.inverse().transform(&point))
+    };
+    let mut information = Matrix6::zeros();
+    for k in 0..template.keypoints.len() {
+        let depth = |view: &View| {
+            let point = state.world_from_object.transform(&keypoints(template, &vertices)[k]);
+            view.world_from_camera.inverse().transform(&point).z
+        };
+        let tau_px = tau_m * views[0].camera.fx / depth(&views[0]);
+        let variance = views[0].keypoints[k].sigma_px.powi(2);
+        let all =
+            DMatrix::from_fn(views.len(), views.len(), |i, j| tau_px.powi(2) + if i == j { variance } else { 0.0 });
+        let weight = all.try_inverse().unwrap();
+        for axis in 0..2 {
+            let rows: Vec<[f64; 6]> =
+                views.iter().map(|view| differences(|step| pixel(view, k, step)[axis], 1e-6)).collect();
+            let jacobian = DMatrix::from_fn(views.len(), 6, |i, j| rows[i][j]);
+            let product = jacobian.transpose() * &weight * &jacobian;
+            information += Matrix6::from_fn(|i, j| product[(i, j)]);
+        }
+    }
+    information
+}
+
+#[test]
+fn views_share_the_offset_of_a_key_point_in_the_covariance() {
+    let template = template();
+    let state = start(&template);
+    let tau_m = 0.1;
+    let noisy = Model { keypoint_position_sigma_m: tau_m, ..model() };
+    let one = without_borders(&views(&template, &state, 1)).remove(0);
+    let found = |count: usize| {
+        let seen = vec![&one; count];
+        block_covariance(&template, &seen, None, noisy, SCOPES[0], &state, &[Block::Pose]).unwrap()
+    };
+    for count in [1, 2, 7, 100] {
+        let views = vec![one.clone(); count];
+        let expected = information_of_shared_offsets(&template, &state, &views, tau_m).try_inverse().unwrap();
+        let error = Matrix6::from_fn(|i, j| found(count)[(i, j)]) - expected;
+        assert!(error.amax() < 1e-5 * expected.amax(), "{count} views\n{}\n{expected}", found(count));
+        let seen = vec![&one; count];
+        let centred = uncertainty(&template, &seen, None, noisy, SCOPES[0], &state, false).unwrap().pose_covariance;
+        let turn = centred.fixed_view::<3, 3>(3, 3) - expected.fixed_view::<3, 3>(3, 3); // the same at each point
+        assert!(turn.amax() < 1e-5 * expected.amax(), "{count} views");
+    }
+    // what the views share, no number of them takes away
+    assert!(found(100)[(0, 0)] > 0.5 * found(1)[(0, 0)], "{} {}", found(100), found(1));
 }

@@ -1,7 +1,7 @@
 //! One battery of laws for every problem that the solver takes.
 
+use meshslam_core::kernel::Kernel;
 use meshslam_core::object::{ObjectProblem, ObjectState, Scope};
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::envelope::Envelope;
 use meshslam_core::solve::levenberg_marquardt::{Options, Problem, Report, Stop, covariance, levenberg_marquardt};
 use meshslam_core::solve::triangulate::PointProblem;

@@ -1,15 +1,15 @@
 use std::sync::Arc;
 
+use meshslam_core::kernel::Kernel;
 use meshslam_core::lie::Pose;
 use meshslam_core::mesh::Topology;
 use meshslam_core::outline::{OutlineSample, outline};
 use meshslam_core::raster::Rect;
 use meshslam_core::residuals::border::{BorderMatch, BorderNoise};
 use meshslam_core::residuals::ground::{Ground, contacts, ground_rows};
-use meshslam_core::residuals::kernel::Kernel;
-use meshslam_core::residuals::keypoints::{KeypointObservation, PositionNoise, keypoint_rows};
+use meshslam_core::residuals::keypoints::{PositionNoise, keypoint_rows};
 use meshslam_core::residuals::{Rows, camera_derivative, object_derivative};
-use meshslam_core::view::View;
+use meshslam_core::view::{BorderPoint, KeypointObservation, View};
 use nalgebra::{Vector2, Vector3, Vector6};
 
 use crate::common::{Random, camera, cuboid, differences, drawn, ideal_view, looking, placed, signed, six};
@@ -232,7 +232,7 @@ fn carried(scene: &Scene, sample: &OutlineSample) -> OutlineSample {
 }
 
 /// A view whose distance is linear over its crop, so that central differences know no lines between pixels.
-fn slanted_view(scene: &Scene, border: Vec<meshslam_core::view::BorderPoint>) -> View {
+fn slanted_view(scene: &Scene, border: Vec<BorderPoint>) -> View {
     let crop = Rect::image(&camera());
     let distance = |i: usize| 0.6 * (i % crop.width) as f32 - 0.8 * (i / crop.width) as f32 - 3.0;
     View {
@@ -273,10 +273,8 @@ fn border_derivatives_are_right_both_ways() {
             })
             .filter(|s| s.pixel.x > 1.0 && s.pixel.y > 1.0 && s.pixel.x < 158.0 && s.pixel.y < 118.0)
             .collect();
-        let border = samples
-            .iter()
-            .map(|s| meshslam_core::view::BorderPoint { pixel: s.pixel + s.normal * 0.3, length: 2.0, own: true })
-            .collect();
+        let border =
+            samples.iter().map(|s| BorderPoint { pixel: s.pixel + s.normal * 0.3, length: 2.0, own: true }).collect();
         let view = slanted_view(&scene, border);
         check_rows(
             &scene,
@@ -321,7 +319,7 @@ fn an_outline_on_the_border_costs_nothing_and_a_shift_costs_its_length() {
         |v| {
             Arc::make_mut(&mut v.distance_px).iter_mut().for_each(|d| *d += 2.0);
             v.border.clear();
-            v.border.push(meshslam_core::view::BorderPoint { pixel: Vector2::zeros(), length: 100.0, own: true });
+            v.border.push(BorderPoint { pixel: Vector2::zeros(), length: 100.0, own: true });
         },
         &noise(),
     );

@@ -1,5 +1,5 @@
+use meshslam_core::kernel::Kernel;
 use meshslam_core::lie::Pose;
-use meshslam_core::residuals::kernel::Kernel;
 use meshslam_core::solve::triangulate::{Sight, triangulate};
 use nalgebra::{Matrix3, Vector2, Vector3};
 

@@ -3,8 +3,7 @@ use std::sync::Arc;
 use meshslam_core::error::Error;
 use meshslam_core::lie::Pose;
 use meshslam_core::raster::Rect;
-use meshslam_core::residuals::keypoints::KeypointObservation;
-use meshslam_core::view::{BorderPoint, View};
+use meshslam_core::view::{BorderPoint, KeypointObservation, View};
 use nalgebra::Vector2;
 
 use crate::common::{Random, camera};
