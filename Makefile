@@ -39,6 +39,7 @@ lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, 
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python scripts/check_faces.py
 	$(BIN)/python scripts/check_core_modules.py
 	$(BIN)/python -m mypy.stubtest meshslam._core
 

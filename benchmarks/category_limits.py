@@ -16,10 +16,10 @@ import numpy as np
 import trimesh
 
 from meshslam.categories import Category, load_category
-from meshslam.categories.icosphere import icosphere
 from meshslam.categories.mesh_solid import MeshSolid
 from meshslam.categories.procedural.solid import distance_and_normal
 from meshslam.categories.shrinkwrap import Wrapper
+from meshslam.categories.spheres import icosphere
 from meshslam.geometry import voxel_iou
 
 DATA = Path(os.environ.get("MESHSLAM_DATA", Path(__file__).resolve().parent.parent.parent / "shared" / "data"))

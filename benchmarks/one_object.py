@@ -20,7 +20,7 @@ from meshslam.mapping.pipeline import make_scene, with_noise_of
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import Work, fit_again, observe
 from meshslam.objects.occlusion import Occluders
-from meshslam.objects.reconstruct import fit_free_form, reconstruct, uncertainty
+from meshslam.objects.reconstruction import fit_free_form, reconstruct, uncertainty
 
 Made = TypeVar("Made")
 STEPS = ("views", "start, pose, modes", "with the noise known", "free form", "pose covariance", "with each vertex's")

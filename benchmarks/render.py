@@ -23,9 +23,9 @@ from deodr.differentiable_renderer import Scene2DBase
 from deodr.triangulated_mesh import TriMeshAdjacencies
 
 from meshslam.categories import load_category
-from meshslam.categories.icosphere import subdivide
+from meshslam.categories.spheres import subdivide
 from meshslam.geometry import Camera, MaskLoss, NoiseModel, ObjectModel, Pose, View, mask_gradients, mask_iou, render
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.objects.observations import signed_distance, trace_border
 
 matplotlib.use("Agg")
@@ -137,7 +137,7 @@ def solver_view(model: ObjectModel, observed: np.ndarray) -> View:
     crop = observed[y0:y1, x0:x1]
     distance_px = signed_distance(crop)
     nothing, none = np.zeros(crop.shape, np.uint8), np.zeros(0)
-    border = trace_border(crop, distance_px, nothing, MappingConfig().border_step_px)
+    border = trace_border(crop, distance_px, nothing, ObjectConfig().border_step_px)
     return model.view(
         CAMERA,
         Pose.identity(),

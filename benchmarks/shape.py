@@ -23,7 +23,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from meshslam.categories import load_category
-from meshslam.mapping import Mapping, category_model
+from meshslam.mapping import MappingConfig, ObjectMapping
 from meshslam.maps import Map, Trajectory
 from meshslam.perception import read_detections, write_detections
 from meshslam.runs.config import read_config

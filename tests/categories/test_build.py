@@ -26,7 +26,7 @@ def test_too_few_cars_are_refused(count, modes):
 
 
 def sphere_shapes(rng, count):
-    from meshslam.categories.icosphere import icosphere
+    from meshslam.categories.spheres import icosphere
 
     sphere = icosphere(1)
     basis = rng.normal(size=(3, *sphere.vertices.shape)) * 0.05

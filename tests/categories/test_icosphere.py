@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshslam.categories.icosphere import edges_of, icosphere, subdivide
+from meshslam.categories.spheres import edges_of, icosphere, subdivide
 from meshslam.errors import CategoryError
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshslam.categories.icosphere import icosphere
 from meshslam.categories.shrinkwrap import FLIP, Wrapper, carry
+from meshslam.categories.spheres import icosphere
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from meshslam.experiments.localization import STREET, localization_experiment
+from meshslam.initialization import EstimationConfig
 from meshslam.localization import LocalizationConfig
 from meshslam.simulation import ImuNoise, SimulationConfig
 
@@ -14,7 +15,7 @@ ROUGH = ImuNoise(accelerometer_bias_m_s2=0.08)
 def found(tmp_path_factory):
     simulation = SimulationConfig(seed=2, street=SMALL, imu_noise=ROUGH, known_poses=False)
     folder = tmp_path_factory.mktemp("localization") / "sequence"
-    return localization_experiment(simulation, LocalizationConfig(), folder, lambda *_: None)
+    return localization_experiment(simulation, EstimationConfig(), LocalizationConfig(), folder, lambda *_: None)
 
 
 def test_both_solvers_undercut_the_imu_and_the_default_the_papers(found):

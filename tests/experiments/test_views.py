@@ -9,7 +9,7 @@ import pytest
 from meshslam.experiments.left_out import left_out_instances
 from meshslam.experiments.page import write_experiment
 from meshslam.experiments.views import ViewsConfig, chosen_views, looking_at, views_experiment
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 
 SMALL = ViewsConfig(kinds=("hatch",), views=(1, 3), paper_views=(), family=30)
 
@@ -17,7 +17,7 @@ SMALL = ViewsConfig(kinds=("hatch",), views=(1, 3), paper_views=(), family=30)
 @pytest.fixture(scope="module")
 def found():
     steps = []
-    experiment = views_experiment(SMALL, MappingConfig(), lambda *step: steps.append(step))
+    experiment = views_experiment(SMALL, ObjectConfig(), lambda *step: steps.append(step))
     assert ("reconstruct", 2, 2) in steps
     return experiment
 

@@ -1,10 +1,9 @@
-import dataclasses
-
 import cv2
 import numpy as np
 import pytest
 
-from meshslam.features.image_features import image_features_of
+from meshslam.errors import SequenceError
+from meshslam.features.image_features import ImageFeatures
 from meshslam.features.point_tracks import PointConfig, PointTracker, free_mask
 from meshslam.perception.flow import grey
 
@@ -59,29 +58,31 @@ def test_nothing_is_followed_where_something_may_move(images):
             assert (track[..., 0] < 150.5).all()
 
 
-def test_pictures_are_looked_at_once_however_often_they_are_asked_for(images, drive, monkeypatch):
-    read = []
-    camera = dataclasses.replace(drive.camera, width=300, height=180)
-    paths = tuple(drive.root / f"{k}.png" for k in drive.frame_ids)
-    recording = dataclasses.replace(drive, camera=camera, image_paths=paths)
-
-    def image(_self, index):
-        read.append(index)
-        return cv2.cvtColor(images[index % len(images)], cv2.COLOR_GRAY2BGR)
-
-    monkeypatch.setattr(type(recording), "read_image", image)
-    nothing = dataclasses.replace(_empty(recording), detections=())
-    image_features = image_features_of(recording, nothing, CONFIG)
-    first = [image_features.blocks(k) for k in range(6)]
-    again = [image_features.blocks(k) for k in range(6)]
-    assert read == list(range(6))
-    assert all(a is b for one, other in zip(first, again, strict=True) for a, b in zip(one, other, strict=True))
-    assert image_features_of(drive, nothing, CONFIG) is None
+def bgr(image):
+    return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
 
 
-def _empty(recording):
-    from meshslam.perception import DetectionSet
-    from meshslam.perception.detections import ImageEntry
+def test_features_are_handed_out_by_frame_until_they_are_forgotten(images):
+    features = ImageFeatures(CONFIG)
+    for image in images[:4]:
+        features.take(bgr(image), ())
+    assert features.matches(3).shape[1:] == (2, 2)
+    assert features.frame_image(2).image.shape == images[2].shape
+    features.forget_before(3)
+    assert features.frame_image(3).free.any()
+    with pytest.raises(SequenceError, match="frame 2 of the stream came without an image"):
+        features.frame_image(2)
 
-    entries = tuple(ImageEntry(k, f"{k}.png", 300, 180) for k in recording.frame_ids)
-    return DetectionSet(entries, (), ())
+
+def test_saved_features_go_on_in_the_same_way(images):
+    first, second = ImageFeatures(CONFIG), ImageFeatures(CONFIG)
+    for image in images[:5]:
+        first.take(bgr(image), ())
+    second.fill(first.to_arrays())
+    for index in range(5, 9):
+        for features in (first, second):
+            features.take(bgr(images[index]), ())
+        for one, other in zip(first.point_tracks(index), second.point_tracks(index), strict=True):
+            assert (one.first, one.is_closed) == (other.first, other.is_closed)
+            assert all((a == b).all() for a, b in zip(one.tracks, other.tracks, strict=True))
+    assert (first.frame_image(4).image == second.frame_image(4).image).all()

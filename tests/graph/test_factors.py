@@ -6,10 +6,9 @@ from gtsam.symbol_shorthand import E, O, T, V, X, Z
 from meshslam.categories import load_category
 from meshslam.geometry import NoiseModel, Pose, exp_so3
 from meshslam.graph.object_factor import CameraMemo, ObservationCost, object_factor, place_camera
-from meshslam.localization.correction import MapObservation, correct, retracted
-from meshslam.mapping import category_model
-from meshslam.motion.gtsam_bridge import adjoint, from_pose3, to_gtsam_covariance, to_pose3
-from meshslam.objects import MappingConfig
+from meshslam.localization.correction import MapObservation, correct
+from meshslam.motion.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
+from meshslam.objects import ObjectConfig, category_model
 from meshslam.objects.observations import make_view
 from tests.fixtures.imu_street import IMU_FROM_CAMERA
 
@@ -29,11 +28,11 @@ def test_bridge_keeps_poses_and_orders(rng):
     pose, step = random_pose(rng), rng.normal(0, 1e-6, 6)
     assert np.allclose(from_pose3(to_pose3(pose)).matrix, pose.matrix)
     theirs = to_pose3(pose).retract(step[[3, 4, 5, 0, 1, 2]])
-    assert np.allclose(from_pose3(theirs).matrix, retracted(pose, step).matrix, atol=1e-11)
+    assert np.allclose(from_pose3(theirs).matrix, pose.retract(step).matrix, atol=1e-11)
     covariance = np.diag(np.arange(6.0))
     assert np.allclose(np.diag(to_gtsam_covariance(covariance)), [3, 4, 5, 0, 1, 2])
-    left = retracted(Pose.identity(), adjoint(pose) @ step) @ pose
-    assert np.allclose(left.matrix, retracted(pose, step).matrix, atol=1e-10)
+    left = Pose.identity().retract(pose.adjoint() @ step) @ pose
+    assert np.allclose(left.matrix, pose.retract(step).matrix, atol=1e-10)
 
 
 def test_camera_derivatives(rng):
@@ -53,7 +52,7 @@ def test_camera_derivatives(rng):
     for k in range(6):
         step = np.eye(6)[k]
         by_imu = difference(
-            lambda h, s=step: place_camera(retracted(pose, h * s), velocity, IMU_FROM_CAMERA, offset, RATE)
+            lambda h, s=step: place_camera(pose.retract(h * s), velocity, IMU_FROM_CAMERA, offset, RATE)
         )
         assert np.allclose(by_imu, place.by_imu[:, k], atol=1e-6)
     for k in range(3):
@@ -75,7 +74,7 @@ def near(street, seen):
     model = category_model(category)
     occluder = np.zeros((street.camera.height, street.camera.width), np.uint8)
     order = [category.keypoint_names.index(n) for n in seen.keypoint_names("car")]
-    view = make_view(model, street.camera, Pose.identity(), 0.0, detection, occluder, order, MappingConfig())
+    view = make_view(model, street.camera, Pose.identity(), 0.0, detection, occluder, order, ObjectConfig())
     return model, view, street.world_from_camera[detection.frame], car.start
 
 
@@ -109,7 +108,7 @@ def test_square_root_holds_the_cost_and_its_derivative(near, street):
     gradient = found.root[:, :-1].T @ found.root[:, -1]
 
     def cost(step):
-        return model.square_root(view, exact, retracted(relative, step[:6]), z + step[6:], modes=True).cost
+        return model.square_root(view, exact, relative.retract(step[:6]), z + step[6:], modes=True).cost
 
     slopes = [(cost(1e-5 * e) - cost(-1e-5 * e)) / 2e-5 for e in np.eye(len(gradient))]
     assert np.allclose(slopes, gradient, atol=1e-3 * np.abs(gradient).max())
@@ -117,10 +116,10 @@ def test_square_root_holds_the_cost_and_its_derivative(near, street):
 
 def test_a_step_by_the_square_root_lowers_the_true_cost(near):
     model, view, camera, thing = near
-    wrong = retracted(camera.inverse() @ thing, np.array([0.4, -0.2, 0.1, 0.0, 0.0, 0.1]))
+    wrong = (camera.inverse() @ thing).retract(np.array([0.4, -0.2, 0.1, 0.0, 0.0, 0.1]))
     before = model.square_root(view, NoiseModel(), wrong)
     step = np.linalg.lstsq(before.root[:, :-1], -before.root[:, -1], rcond=None)[0]
-    after = model.square_root(view, NoiseModel(), retracted(wrong, step))
+    after = model.square_root(view, NoiseModel(), wrong.retract(step))
     predicted = 0.5 * np.sum((before.root @ np.append(step, 1.0)) ** 2)
     assert after.cost < before.cost
     assert predicted < before.cost
@@ -166,7 +165,7 @@ def test_factor_in_gtsam_agrees_with_differences(near):
 
 def test_one_view_corrects_the_camera(near, street):
     model, view, camera, thing = near
-    wrong = retracted(camera, np.array([0.1, -0.05, 0.15, 0.01, -0.01, 0.005]))
+    wrong = camera.retract(np.array([0.1, -0.05, 0.15, 0.01, -0.01, 0.005]))
     seen = ObservationCost(model, view, NoiseModel(), street.camera.fx)
     loose = np.diag(np.square([0.2] * 3 + [0.02] * 3))
     found = correct(wrong, loose, {1: MapObservation(seen, thing)})

@@ -7,7 +7,6 @@ from meshslam.features.point_tracks import PointConfig, PointTracks
 from meshslam.geometry import Camera, Pose, exp_so3
 from meshslam.graph.object_factor import CameraMemo
 from meshslam.graph.point_factor import linearize, point_factor, square_root, triangulate, triangulated
-from meshslam.localization.correction import retracted
 from meshslam.motion.gtsam_bridge import to_pose3
 
 CAMERA = Camera(width=1240, height=370, fx=720.0, fy=720.0, cx=610.0, cy=172.0)
@@ -62,7 +61,7 @@ def test_the_gradient_is_that_of_the_reduced_cost(rng):
     config = PointConfig(kernel=1e6)
     cameras = ride(rng)
     _, pixels = scene(rng, cameras, noise_px=0.5)
-    cameras = [retracted(c, rng.normal(0, 1e-3, 6)) for c in cameras]
+    cameras = [c.retract(rng.normal(0, 1e-3, 6)) for c in cameras]
     found = linearize(triangulated(pixels, cameras, CAMERA, config), CAMERA, config)
     numeric = np.zeros(len(found.gradient))
     for i in range(len(numeric)):
@@ -70,7 +69,7 @@ def test_the_gradient_is_that_of_the_reduced_cost(rng):
         for sign in (1, -1):
             step = np.zeros(6)
             step[i % 6] = sign * 1e-6
-            moved = [retracted(c, step) if k == i // 6 else c for k, c in enumerate(cameras)]
+            moved = [c.retract(step) if k == i // 6 else c for k, c in enumerate(cameras)]
             costs.append(triangulated(pixels, moved, CAMERA, config).cost())
         numeric[i] = (costs[0] - costs[1]) / 2e-6
     assert np.allclose(found.gradient, numeric, rtol=2e-2, atol=2e-3 * np.abs(numeric).max())
@@ -109,7 +108,7 @@ def test_the_factor_draws_cameras_back(rng):
     for k, camera in enumerate(cameras):
         if k < 2:
             graph.add(gtsam.PriorFactorPose3(X(k), to_pose3(camera), tight))
-        start = camera if k < 2 else retracted(camera, rng.normal(0, 0.01, 6))
+        start = camera if k < 2 else camera.retract(rng.normal(0, 0.01, 6))
         values.insert(X(k), to_pose3(start))
         values.insert(V(k), np.zeros(3))
     values.insert(E(0), gtsam.Rot3())

@@ -3,16 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from meshslam.categories import load_category
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, exp_so3
-from meshslam.initialization.rough_start import standing_rate
+from meshslam.initialization.box_start import standing_rate
 from meshslam.initialization.world_alignment import level_from_world, world_from_levelled
-from meshslam.localization import LocalizationConfig, localize
-from meshslam.object_slam import SlamConfig, slam_path
-from meshslam.objects import MappingConfig
 from meshslam.sequences import ImuSamples
-from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m
+from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m, localized, slammed
 
 
 @pytest.fixture(scope="module")
@@ -23,33 +19,32 @@ def unaware(drive):
 
 @pytest.fixture(scope="module")
 def freely(unaware, seen):
-    quick = SlamConfig(min_baseline_m=2.0)
-    return slam_path(unaware, seen, load_category("car"), LocalizationConfig(), quick, MappingConfig())
+    return slammed(unaware, seen)
 
 
 def test_slam_finds_speed_and_gravity(freely, street):
     truth = street.world_from_camera
     steps = [
         np.linalg.norm(np.diff([p.translation for p in path], axis=0), axis=1).sum()
-        for path in (freely.world_from_camera, truth)
+        for path in (freely.trajectory.world_from_camera, truth)
     ]
     assert steps[0] == pytest.approx(steps[1], rel=0.05)
-    ups = [p.rotation.T @ [0.0, 0.0, 1.0] for p in (freely.world_from_camera[0], truth[0])]
+    ups = [p.rotation.T @ [0.0, 0.0, 1.0] for p in (freely.trajectory.world_from_camera[0], truth[0])]
     assert np.degrees(np.arccos(ups[0] @ ups[1])) < 1.5
-    assert np.allclose(freely.world_from_camera[0].translation, 0, atol=0.1)
+    assert np.allclose(freely.trajectory.world_from_camera[0].translation, 0, atol=0.1)
 
 
 @pytest.mark.parametrize("ids", [True, False])
 def test_localize_finds_its_place_in_the_map(unaware, seen, scene, street, ids):
     found = seen if ids else seen.with_tracks({d.id: None for d in seen.detections})
-    path = localize(unaware, found, scene, LocalizationConfig()).world_from_camera
+    path = localized(unaware, found, scene).world_from_camera
     assert errors_m(path, street.world_from_camera).max() < 0.15
 
 
 def test_without_objects_the_message_says_what_to_do(unaware, seen, scene):
     nothing = dataclasses.replace(seen, detections=())
     with pytest.raises(SequenceError, match=r"no start: there is no initial_state.yaml, and no object is seen"):
-        localize(unaware, nothing, scene, LocalizationConfig())
+        localized(unaware, nothing, scene)
 
 
 def test_the_first_known_pose_says_where_the_world_is(unaware):

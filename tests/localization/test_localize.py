@@ -5,15 +5,14 @@ import pytest
 
 from meshslam.errors import MapError
 from meshslam.geometry import Pose, exp_so3
-from meshslam.localization import LocalizationConfig, localize
 from meshslam.maps import Map
 from meshslam.sequences import ImuSamples
-from tests.fixtures.imu_street import errors_m
+from tests.fixtures.imu_street import errors_m, localized
 
 
 @pytest.fixture(scope="module")
 def clean(drive, seen, scene):
-    return localize(drive, seen, scene, LocalizationConfig())
+    return localized(drive, seen, scene)
 
 
 def test_better_than_the_imu_alone(clean, street):
@@ -32,11 +31,11 @@ def test_detections_get_the_maps_ids(clean, seen, scene):
 
 def test_ids_are_only_a_hint(drive, seen, scene, street):
     none = seen.with_tracks({d.id: None for d in seen.detections})
-    found = localize(drive, none, scene, LocalizationConfig())
+    found = localized(drive, none, scene)
     assert errors_m(found.world_from_camera, street.world_from_camera).max() < 0.06
     rng, known = np.random.default_rng(1), [thing.id for thing in scene.objects]
     wrong = seen.with_tracks({d.id: int(rng.choice(known)) for d in seen.detections})
-    found = localize(drive, wrong, scene, LocalizationConfig())
+    found = localized(drive, wrong, scene)
     assert errors_m(found.world_from_camera, street.world_from_camera).max() < 0.06
 
 
@@ -48,7 +47,7 @@ def test_a_car_that_was_moved_is_found_and_left_out(drive, seen, scene, street):
         dataclasses.replace(t, world_from_object=shift @ t.world_from_object) if t.id == most else t
         for t in scene.objects
     ]
-    found = localize(drive, seen, Map(tuple(things)), LocalizationConfig())
+    found = localized(drive, seen, Map(tuple(things)))
     assert most in found.moved
     assert errors_m(found.world_from_camera, street.world_from_camera).max() < 0.12
 
@@ -57,7 +56,7 @@ def test_a_wrong_mounting_is_estimated(drive, seen, scene, street):
     turned = Pose(
         drive.imu_from_camera.rotation @ exp_so3(np.radians([0.6, -0.6, 0.5])), drive.imu_from_camera.translation
     )
-    found = localize(dataclasses.replace(drive, imu_from_camera=turned), seen, scene, LocalizationConfig())
+    found = localized(dataclasses.replace(drive, imu_from_camera=turned), seen, scene)
     assert errors_m(found.world_from_camera, street.world_from_camera).max() < 0.1
 
 
@@ -65,7 +64,7 @@ def test_frames_without_objects_and_imu_gaps_are_bridged_and_said(drive, seen, s
     few = dataclasses.replace(seen, detections=tuple(d for d in seen.detections if d.frame not in (5, 6, 7)))
     keep = np.abs(drive.imu.times_s - drive.times_s[10]) > 0.08
     imu = ImuSamples(drive.imu.times_s[keep], drive.imu.angular_rate_rad_s[keep], drive.imu.specific_force_m_s2[keep])
-    found = localize(dataclasses.replace(drive, imu=imu), few, scene, LocalizationConfig())
+    found = localized(dataclasses.replace(drive, imu=imu), few, scene)
     assert len(found.world_from_camera) == len(drive)
     assert found.figures["frames_without_objects"] >= 3
     assert found.figures["frames_with_imu_gap"] >= 1
@@ -82,20 +81,20 @@ def test_uncertain_objects_are_estimated_along(drive, seen, scene, street):
             thing.world_from_object.rotation @ exp_so3(step[3:]), thing.world_from_object.translation + step[:3]
         )
         things.append(dataclasses.replace(thing, world_from_object=pose, pose_covariance=np.diag(sigma**2)))
-    found = localize(drive, seen, Map(tuple(things)), LocalizationConfig())
+    found = localized(drive, seen, Map(tuple(things)))
     assert not found.moved
     assert errors_m(found.world_from_camera, street.world_from_camera).max() < 0.2
 
 
 def test_same_input_same_path(drive, seen, scene, clean):
-    again = localize(drive, seen, scene, LocalizationConfig())
+    again = localized(drive, seen, scene)
     assert all(
         (a.matrix == b.matrix).all() for a, b in zip(clean.world_from_camera, again.world_from_camera, strict=True)
     )
 
 
 def test_the_papers_mode_lowers_the_error(drive, seen, scene, street):
-    found = localize(drive, seen, scene, LocalizationConfig(solver="gradient"))
+    found = localized(drive, seen, scene, solver="gradient")
     assert len(found.iterations) > 2
     last = errors_m(found.iterations[-1], street.world_from_camera)
     assert np.sqrt(np.mean(last**2)) < np.sqrt(np.mean(errors_m(found.inertial, street.world_from_camera) ** 2))
@@ -103,4 +102,4 @@ def test_the_papers_mode_lowers_the_error(drive, seen, scene, street):
 
 def test_an_empty_map_is_refused(drive, seen):
     with pytest.raises(MapError, match="no objects"):
-        localize(drive, seen, Map(()), LocalizationConfig())
+        localized(drive, seen, Map(()))

@@ -8,18 +8,18 @@ import pytest
 
 from meshslam.evaluation import evaluate_run
 from meshslam.geometry import Pose, voxel_iou
-from meshslam.mapping import map_objects
+from meshslam.mapping import MappingConfig, map_objects
 from meshslam.maps import CameraPath
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.perception import read_detections
 from meshslam.sequences import open_sequence
 
-CONFIG = MappingConfig()
+CONFIG = ObjectConfig(), MappingConfig()
 
 
 @pytest.fixture(scope="module")
 def mapped(frames, tracked, car):
-    return map_objects(frames, tracked, car, CONFIG, fixed_tracks=True)
+    return map_objects(frames, tracked, car, *CONFIG, fixed_tracks=True)
 
 
 def reasons(mapping):
@@ -73,7 +73,7 @@ def longest(tracked, street):
 def test_two_tracks_of_one_car_are_joined(street, frames, tracked, car, only):
     number = longest(tracked, street)
     halves = split(only(tracked, number), number, 77)
-    joined = map_objects(frames, halves, car, CONFIG)
+    joined = map_objects(frames, halves, car, *CONFIG)
     assert len(joined.map) == 1
     keep = joined.map.objects[0].id
     assert reasons(joined) == {({number, 77} - {keep}).pop(): "the same object"}
@@ -84,7 +84,7 @@ def test_two_tracks_of_one_car_are_joined(street, frames, tracked, car, only):
 def test_tracks_that_were_given_stay_and_a_second_object_in_one_place_is_dropped(street, frames, tracked, car, only):
     number = longest(tracked, street)
     halves = split(only(tracked, number), number, 77)
-    both = map_objects(frames, halves, car, CONFIG, fixed_tracks=True)
+    both = map_objects(frames, halves, car, *CONFIG, fixed_tracks=True)
     assert len(both.map) == 1
     assert list(reasons(both).values()) == ["the same object"]
     assert [d.track_id for d in both.detections.detections] == [d.track_id for d in halves.detections]
@@ -98,7 +98,7 @@ def test_tracks_that_cannot_become_objects_are_named_with_the_reason(camera, car
     widths = (20, 20, 80, 80)  # two views that are wide enough
     found += [box_detection(41 + i, i, (500, 80, w, w / 2), 4) for i, w in enumerate(widths)]
     frames = CameraPath(camera, tuple(range(5)), np.arange(5) * 0.1, drive(5), 1.65)
-    mapping = map_objects(frames, as_set(5, found), car, CONFIG)
+    mapping = map_objects(frames, as_set(5, found), car, *CONFIG)
     assert reasons(mapping) == {1: "too small", 2: "too few views", 3: "other category", 4: "too few views"}
     assert len(mapping.map) == 0
     assert mapping.mask_ious == {}
@@ -106,14 +106,14 @@ def test_tracks_that_cannot_become_objects_are_named_with_the_reason(camera, car
 
 def test_no_detections_make_an_empty_map(camera, car, as_set, drive):
     frames = CameraPath(camera, (0, 1), np.array([0.0, 0.1]), drive(2), None)
-    assert len(map_objects(frames, as_set(2, []), car, CONFIG).map) == 0
+    assert len(map_objects(frames, as_set(2, []), car, *CONFIG).map) == 0
 
 
 def test_one_frame_is_enough_where_there_is_no_more(camera, car, car_detection, as_set, drive):
     true = Pose.from_yaw(0.3, np.array([10.0, 2.5, car.dimensions[2] / 2]))
     seen = car_detection(1, 0, drive(1)[0], true, car.vertices)
     frames = CameraPath(camera, (0,), np.array([0.0]), drive(1), 1.65)
-    found = map_objects(frames, as_set(1, [seen]), car, CONFIG).map.objects
+    found = map_objects(frames, as_set(1, [seen]), car, *CONFIG).map.objects
     assert len(found) == 1
     assert np.linalg.norm(found[0].world_from_object.translation - true.translation) < 0.4
 
@@ -124,7 +124,7 @@ def test_the_map_is_the_same_bytes_however_many_threads_work(frames, tracked, ca
     for count in (1, 2, 5):
         monkeypatch.setattr(os, "cpu_count", lambda count=count: count)
         folder = tmp_path / str(count)
-        map_objects(frames, some, car, CONFIG, fixed_tracks=True).map.save(folder)
+        map_objects(frames, some, car, *CONFIG, fixed_tracks=True).map.save(folder)
         written.append((folder / "map.json").read_bytes())
     assert len(set(written)) == 1
     assert json.loads(written[0])["objects"]
@@ -133,7 +133,7 @@ def test_the_map_is_the_same_bytes_however_many_threads_work(frames, tracked, ca
 def test_progress_is_told_of_every_step(frames, tracked, car, only, street):
     told = []
     some = only(tracked, street.cars[0].id)
-    map_objects(frames, some, car, CONFIG, progress=lambda *row: told.append(row))
+    map_objects(frames, some, car, *CONFIG, progress=lambda *row: told.append(row))
     steps = [step for step, _, _ in told]
     assert {"initialize", "shape", "uncertainty"} <= set(steps)
     assert all(done <= total for _, done, total in told)
@@ -154,7 +154,7 @@ def test_a_real_cars_shape_is_found_from_a_ring_of_views(data_folder, car, tmp_p
         recording.height_above_ground_m,
     )
     detections = read_detections(recording.detections_path)
-    map_objects(frames, detections, car, CONFIG, fixed_tracks=True).map.save(run)
+    map_objects(frames, detections, car, *CONFIG, fixed_tracks=True).map.save(run)
     figures = evaluate_run(case, run)
     assert figures["recall"] == 1.0
     assert figures["voxel_iou_mean"] >= 0.88

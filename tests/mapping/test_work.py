@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from meshslam.mapping import MappingConfig
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import observe, observe_again
-from meshslam.objects import MappingConfig
-from meshslam.objects.reconstruct import motion, reconstruct
+from meshslam.objects import ObjectConfig
+from meshslam.objects.reconstruction import motion, reconstruct
 
 
 class Hiding:
@@ -22,12 +23,12 @@ class Hiding:
 
 @pytest.fixture(scope="module")
 def scene(frames, tracked, car):
-    return make_scene(frames, tracked, car, MappingConfig())
+    return make_scene(frames, tracked, car, ObjectConfig())
 
 
 @pytest.fixture(scope="module")
 def track(frames, tracked, scene):
-    tracks, _ = usable_tracks(frames, tracked, "car", scene.config)
+    tracks, _ = usable_tracks(frames, tracked, "car", MappingConfig(), scene.config.min_view_box_px)
     return max(tracks, key=lambda t: len(t.detections))
 
 

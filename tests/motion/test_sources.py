@@ -3,19 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from meshslam.categories import load_category
 from meshslam.errors import SequenceError
 from meshslam.features.two_view_motion import two_views
 from meshslam.geometry import Camera, Pose, exp_so3
-from meshslam.localization import LocalizationConfig
-from meshslam.localization.correction import retracted
 from meshslam.motion.config import OdometryConfig
 from meshslam.motion.imu import NavState
 from meshslam.motion.sources import OdometryMotion
-from meshslam.object_slam import SlamConfig, slam_path
-from meshslam.object_slam.sources import NO_IMU
-from meshslam.objects import MappingConfig
-from tests.fixtures.imu_street import errors_m
+from meshslam.object_slam.start import NO_IMU
+from tests.fixtures.imu_street import errors_m, slammed
 
 CAMERA = Camera(width=1240, height=370, fx=720.0, fy=720.0, cx=610.0, cy=172.0)
 
@@ -62,26 +57,23 @@ def reckoned(drive, street):
     rng, poses = np.random.default_rng(8), [street.world_from_camera[0]]
     for one, other in zip(street.world_from_camera[:-1], street.world_from_camera[1:], strict=True):
         wrong = np.concatenate([rng.normal(0, 0.03, 3), rng.normal(0, 1e-3, 3)])
-        poses.append(poses[-1] @ retracted(one.inverse() @ other, wrong))
+        poses.append(poses[-1] @ (one.inverse() @ other).retract(wrong))
     return dataclasses.replace(drive, imu=None, initial_state=None, world_from_camera=tuple(poses))
 
 
 def test_objects_mend_noisy_odometry(reckoned, seen, street):
     noise = OdometryConfig(translation_sigma_m=0.03, rotation_sigma_deg=0.06)
-    chosen = SlamConfig(poses="odometry", odometry=noise, min_baseline_m=2.0)
-    found = slam_path(reckoned, seen, load_category("car"), LocalizationConfig(), chosen, MappingConfig())
+    found = slammed(reckoned, seen, poses="odometry", odometry=noise)
     assert found.alone_by == "odometry alone"
-    before, after = (errors_m(path, street.world_from_camera) for path in (found.alone, found.world_from_camera))
+    before, after = (
+        errors_m(path, street.world_from_camera) for path in (found.alone, found.trajectory.world_from_camera)
+    )
     assert np.sqrt((after**2).mean()) < 0.8 * np.sqrt((before**2).mean())
-    assert np.allclose(found.world_from_camera[0].matrix, street.world_from_camera[0].matrix, atol=0.03)
+    assert np.allclose(found.trajectory.world_from_camera[0].matrix, street.world_from_camera[0].matrix, atol=0.03)
 
 
 def test_without_anything_that_moves_the_camera_the_message_names_the_ways_out(reckoned, seen):
-    def path_of(sequence, poses):
-        chosen = SlamConfig(poses=poses)
-        return slam_path(sequence, seen, load_category("car"), LocalizationConfig(), chosen, MappingConfig())
-
     with pytest.raises(SequenceError, match=r"--imu FILE.*--poses odometry"):
-        path_of(reckoned, "none")
+        slammed(reckoned, seen, poses="none")
     with pytest.raises(SequenceError, match="--poses odometry, but no poses are known"):
-        path_of(dataclasses.replace(reckoned, world_from_camera=None), "odometry")
+        slammed(dataclasses.replace(reckoned, world_from_camera=None), seen, poses="odometry")

@@ -4,9 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshslam.localization.correction import retracted
 from meshslam.localization.gradient_estimator import camera_value
-from meshslam.localization.known_objects import known_objects
+from meshslam.localization.map_models import known_objects
 from meshslam.object_slam.joint_gradient import joint_descent, joint_problem
 from tests.fixtures.imu_street import errors_m
 
@@ -16,7 +15,7 @@ def shaken(street):
     rng = np.random.default_rng(6)
     sigmas = np.array([0.08] * 3 + [0.006] * 3)
     first, *others = street.world_from_camera
-    return (first, *(retracted(pose, rng.normal(0, sigmas)) for pose in others))
+    return (first, *(pose.retract(rng.normal(0, sigmas)) for pose in others))
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +52,7 @@ def test_objects_move_too(few, seen, scene):
     sequence, truth = few
     objects = {o.id: o for o in known_objects(scene)}
     wrong = {
-        k: replace(o, world_from_object=retracted(o.world_from_object, np.array([0.3, 0.2, 0.0, 0, 0, 0.05])))
+        k: replace(o, world_from_object=o.world_from_object.retract(np.array([0.3, 0.2, 0.0, 0, 0, 0.05])))
         for k, o in objects.items()
     }
     problem = joint_problem(sequence, seen, truth, wrong, 0.01)
@@ -72,12 +71,12 @@ def test_the_cameras_slope_is_that_of_the_loss(few, seen, scene):
     sequence, truth = few
     problem = joint_problem(sequence, seen, truth, {o.id: o for o in known_objects(scene)}, 0.01)
     views = [replace(view, mask=None) for view in problem.losses[3]]  # masks have laws of their own
-    pose = retracted(truth[3], np.array([0.05, -0.03, 0.04, 0.002, -0.001, 0.003]))
+    pose = truth[3].retract(np.array([0.05, -0.03, 0.04, 0.002, -0.001, 0.003]))
     _, slope = camera_value(pose, views)
     for i in range(6):
         step = np.zeros(6)
         step[i] = 1e-6
-        ahead, behind = (camera_value(retracted(pose, sign * step), views)[0] for sign in (1, -1))
+        ahead, behind = (camera_value(pose.retract(sign * step), views)[0] for sign in (1, -1))
         assert slope[i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-4, abs=1e-5)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from meshslam.geometry import Pose
 from meshslam.object_slam.landmarks import Landmark, coincident_landmarks, joined_tracks
-from meshslam.object_slam.loop_closure import LoopClosureConfig, Placed, match_landmarks
+from meshslam.object_slam.loop_closure import LoopClosureConfig, PlacedLandmark, match_landmarks
 
 CONFIG = LoopClosureConfig()
 SIZE = np.array([4.4, 1.8, 1.5])
@@ -15,7 +15,7 @@ def constellation(rng, count):
     places = np.column_stack(
         [np.cumsum(rng.uniform(7, 18, count)), rng.uniform(-5, 5, count), rng.normal(0, 0.1, count)]
     )
-    return [Placed(i + 1, i + 1, Pose.from_yaw(rng.normal(0, 0.05), p), SIZE) for i, p in enumerate(places)]
+    return [PlacedLandmark(i + 1, i + 1, Pose.from_yaw(rng.normal(0, 0.05), p), SIZE) for i, p in enumerate(places)]
 
 
 def moved(things, motion, rng, noise_m=0.1):
@@ -23,7 +23,7 @@ def moved(things, motion, rng, noise_m=0.1):
     for thing in things:
         pose = motion @ thing.pose
         shaken = Pose(pose.rotation, pose.translation + rng.normal(0, noise_m, 3))
-        out.append(Placed(thing.number + 100, thing.track + 100, shaken, thing.dimensions))
+        out.append(PlacedLandmark(thing.number + 100, thing.track + 100, shaken, thing.dimensions))
     return out
 
 
@@ -52,8 +52,8 @@ def test_size_heading_and_distance_speak_against_a_pair():
     seen = moved(known, Pose.identity(), rng, 0.0)
     radii = [1.0] * 4
     assert len(match_landmarks(seen, known, radii, CONFIG).pairs) == 4
-    larger = [Placed(t.number, t.track, t.pose, 1.3 * t.dimensions) for t in seen]
-    turned = [Placed(t.number, t.track, t.pose @ Pose.from_yaw(np.pi, np.zeros(3)), t.dimensions) for t in seen]
+    larger = [PlacedLandmark(t.number, t.track, t.pose, 1.3 * t.dimensions) for t in seen]
+    turned = [PlacedLandmark(t.number, t.track, t.pose @ Pose.from_yaw(np.pi, np.zeros(3)), t.dimensions) for t in seen]
     away = moved(known, Pose(np.eye(3), np.array([0.0, 2.0, 0.0])), rng, 0.0)
     assert all(match_landmarks(others, known, radii, CONFIG) is None for others in (larger, turned, away))
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import MaskLoss, Pose, log_so3
-from meshslam.mapping.pipeline import category_model
-from meshslam.objects.config import GradientConfig, MappingConfig
-from meshslam.objects.gradient_descent import _Sight, descend_pose, descend_shape, mean_curvature
+from meshslam.objects import category_model
+from meshslam.objects.config import GradientConfig, ObjectConfig
+from meshslam.objects.gradient_descent import _GradientObservation, descend_pose, descend_shape, mean_curvature
 
 WORLD_FROM_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 QUICK = GradientConfig(pose_iterations=40, shape_iterations=40)
@@ -27,7 +27,7 @@ def sight_of(camera, car, eye, true_pose, vertices, pixels=None, vis=None):
     loss = MaskLoss(camera, len(vertices), car.faces, seen)
     pixels = np.zeros((0, 2)) if pixels is None else pixels
     vis = np.zeros((len(car.keypoint_names), 0)) if vis is None else vis
-    return _Sight(world_from_camera, log_so3(WORLD_FROM_FORWARD), loss, pixels, vis)
+    return _GradientObservation(world_from_camera, log_so3(WORLD_FROM_FORWARD), loss, pixels, vis)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_curvature_of_a_flat_grid_is_none_and_of_a_spike_points_back():
 
 def test_a_solver_of_no_such_name_is_refused():
     from meshslam.errors import ConfigError
-    from meshslam.runs.config import overlaid
+    from meshslam.runs import overlaid
 
     with pytest.raises(ConfigError, match="expected residuals or gradient, found 'newton'"):
-        overlaid(MappingConfig(), {"solver": "newton"}, "here")
+        overlaid(ObjectConfig(), {"solver": "newton"}, "here")

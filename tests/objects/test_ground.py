@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.objects.ground import ground_near, road_points
 
-CONFIG = MappingConfig()
+CONFIG = ObjectConfig()
 
 
 def cameras_over(height_of, xs, height_m=1.65, ys=None):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import GroundPlane, ObjectModel, Pose
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.objects.observations import (
     Crop,
     crop_around,
@@ -132,7 +132,7 @@ def test_a_crop_stays_in_the_image_and_holds_the_box(camera, box_detection, rng)
 
 
 def test_key_points_follow_names_not_order_and_weak_ones_are_left_out(camera, car, car_detection, drive):
-    config = MappingConfig()
+    config = ObjectConfig()
     pose = Pose.from_yaw(0.3, np.array([12.0, 2.0, 0.7]))
     detection = car_detection(1, 0, drive(1)[0], pose, car.vertices)
     detection.keypoint_scores[4] = 0.1
@@ -147,7 +147,7 @@ def test_key_points_follow_names_not_order_and_weak_ones_are_left_out(camera, ca
 def test_what_hides_an_object_does_not_pull_it(camera, car, car_detection, drive):
     """A car behind another: told of the other, it is found where it stands; not told, it is pulled."""
     model = ObjectModel(car.vertices, car.faces, car.modes, car.mirror, car.keypoint_weights, car.wheel_vertices)
-    config, poses = MappingConfig(), drive(5)
+    config, poses = ObjectConfig(), drive(5)
     true = Pose.from_yaw(0.05, np.array([15.0, 3.0, car.dimensions[2] / 2]))
     before = Pose.from_yaw(0.0, np.array([9.7, 3.4, car.dimensions[2] / 2]))
     seen = [car_detection(i + 1, i, p, true, car.vertices, [(before, car.vertices)]) for i, p in enumerate(poses)]

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
+from meshslam.mapping import MappingConfig
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import observe
-from meshslam.objects.config import MappingConfig
+from meshslam.objects.config import ObjectConfig
 from meshslam.objects.occlusion import Occluders
-from meshslam.objects.reconstruct import (
+from meshslam.objects.reconstruction import (
     find_start,
     fit_free_form,
     fit_modes,
@@ -24,12 +25,12 @@ from meshslam.objects.start_search import flipped
 
 @pytest.fixture(scope="module")
 def scene(frames, tracked, car):
-    return make_scene(frames, tracked, car, MappingConfig())
+    return make_scene(frames, tracked, car, ObjectConfig())
 
 
 @pytest.fixture(scope="module")
 def observed(frames, tracked, scene):
-    tracks, _ = usable_tracks(frames, tracked, "car", scene.config)
+    tracks, _ = usable_tracks(frames, tracked, "car", MappingConfig(), scene.config.min_view_box_px)
     occluders = Occluders(frames.camera, tracked.by_frame(), frames.pose_of_frame())
     return observe(max(tracks, key=lambda t: len(t.detections)), scene, occluders)
 
@@ -108,7 +109,7 @@ def test_each_start_is_tried_both_ways_round(observed, scene, found, monkeypatch
     aside = Pose(right.rotation, right.translation + [6.0, 2.0, 0.0])  # another place, as good as none
     starts = [(0.0, aside), (1.0, aside)]
     starts[place] = (float(place), flipped(right))
-    monkeypatch.setattr("meshslam.mapping.reconstruct.find_start", lambda *_: starts)
+    monkeypatch.setattr("meshslam.objects.reconstruction.find_start", lambda *_: starts)
     again = reconstruct(observed, scene).state.world_from_object
     assert again.rotation[:, 0] @ right.rotation[:, 0] > 0.99
     assert np.linalg.norm(again.translation - right.translation) < 0.2

@@ -3,7 +3,7 @@ import pytest
 
 from meshslam.geometry import Pose
 from meshslam.geometry.object_model import GroundPlane
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.objects.start_search import (
     flipped,
     pose_from_keypoints,
@@ -14,7 +14,7 @@ from meshslam.objects.start_search import (
 )
 from meshslam.objects.track import Track
 
-CONFIG = MappingConfig()
+CONFIG = ObjectConfig()
 
 
 def degrees_between(a, b):

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshslam.objects import MappingConfig
+from meshslam.objects import ObjectConfig
 from meshslam.objects.track import Track, choose_views, is_cut
 
-CONFIG = MappingConfig()
+CONFIG = ObjectConfig()
 
 
 @pytest.fixture

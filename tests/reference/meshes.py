@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshslam.categories.icosphere import icosphere
+from meshslam.categories.spheres import icosphere
 
 
 def joined(*parts):

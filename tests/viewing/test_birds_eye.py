@@ -6,7 +6,7 @@ import pytest
 from meshslam.geometry import Pose
 from meshslam.maps import Map
 from meshslam.viewing import birds_eye
-from meshslam.viewing.birds_eye import BAND_PX, footprint, make_plan, position_covariance, round_length_m
+from meshslam.viewing.from_above import BAND_PX, footprint, make_plan, position_covariance, round_length_m
 
 
 def random_path(rng, count):

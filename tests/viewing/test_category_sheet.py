@@ -5,7 +5,7 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.viewing.category_sheet import SHOWN, category_page, category_png, category_sheet, mode_rms
-from meshslam.viewing.mesh_picture import TILE
+from meshslam.viewing.mesh_drawing import TILE
 
 
 def test_the_sheet_shows_the_mean_and_each_mode():

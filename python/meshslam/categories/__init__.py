@@ -3,12 +3,12 @@
 from meshslam.categories.build import build_family, category_of, wrapped_cars
 from meshslam.categories.category import Category, category_names, load_category, save_category
 from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
-from meshslam.categories.icosphere import icosphere, subdivide
 from meshslam.categories.keypoints import keypoint_order
 from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
 from meshslam.categories.procedural.solid import distance_and_normal, project
 from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_car, draw_of_class
 from meshslam.categories.shrinkwrap import Wrapper, carry
+from meshslam.categories.spheres import icosphere, subdivide
 from meshslam.categories.template import car_template, middle_car
 
 __all__ = [

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from meshslam.categories.category import Category
-from meshslam.categories.icosphere import icosphere
 from meshslam.categories.keypoints import mirrored_weights, point_weights
 from meshslam.categories.modes import principal_modes
 from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
 from meshslam.categories.procedural.heavy import draw_bus, draw_truck
 from meshslam.categories.procedural.styles import draw_car
 from meshslam.categories.shrinkwrap import Wrapper, carry
+from meshslam.categories.spheres import icosphere
 from meshslam.categories.template import car_template, middle_car
 from meshslam.errors import CategoryError
 from meshslam.geometry import Floats, Ints

@@ -10,13 +10,13 @@ import numpy as np
 
 from meshslam.categories.build import wheel_vertices
 from meshslam.categories.category import Category
-from meshslam.categories.icosphere import icosphere
 from meshslam.categories.keypoints import mirrored_weights, point_weights
 from meshslam.categories.mesh_files import Axis, NamedMesh, Symmetry, read_keypoints, read_mesh, turned, upright
 from meshslam.categories.mesh_solid import MeshSolid
 from meshslam.categories.modes import principal_modes
 from meshslam.categories.procedural.solid import project
 from meshslam.categories.shrinkwrap import FLIP, Wrapper, carry
+from meshslam.categories.spheres import icosphere
 from meshslam.errors import CategoryError
 from meshslam.geometry import Floats, voxel_iou
 

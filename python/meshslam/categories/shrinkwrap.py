@@ -10,8 +10,8 @@ from scipy import sparse
 from scipy.interpolate import RBFInterpolator
 from scipy.sparse.linalg import splu
 
-from meshslam.categories.icosphere import Icosphere, edges_of
 from meshslam.categories.procedural.solid import Field, distance_and_normal, project
+from meshslam.categories.spheres import Icosphere, edges_of
 from meshslam.geometry import Floats, Ints
 
 FLIP = np.array([1.0, -1.0, 1.0])

@@ -3,7 +3,7 @@
 from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
-from meshslam.geometry.mask_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
+from meshslam.geometry.mask_iou_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
 from meshslam.geometry.object_model import (
     Block,
     GroundPlane,

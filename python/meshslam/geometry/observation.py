@@ -15,7 +15,7 @@ from meshslam.errors import GeometryError
 from meshslam.geometry.arrays import AnyArray, Bytes, Floats, Ints
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.lie import exp_so3, hat, right_jacobian
-from meshslam.geometry.mask_loss import MaskLoss
+from meshslam.geometry.mask_iou_loss import MaskLoss
 from meshslam.geometry.pose import Pose
 
 

@@ -1,9 +1,9 @@
 """How motion starts: gravity, velocity, scale, and the world in which motion is estimated."""
 
+from meshslam.initialization.box_start import RoughStart, rough_start, rough_start_by_images
 from meshslam.initialization.config import EstimationConfig, UnknownStartConfig
 from meshslam.initialization.first_frames import FirstFrames
 from meshslam.initialization.gravity_alignment import AlignmentConfig
-from meshslam.initialization.rough_start import RoughStart, rough_start, rough_start_by_images
 from meshslam.initialization.settling import Estimator, settled, settling_seconds, unknown_start
 from meshslam.initialization.world_alignment import (
     Path,

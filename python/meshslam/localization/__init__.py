@@ -5,8 +5,8 @@ from meshslam.localization.config import AssociationConfig, GateConfig, Localiza
 from meshslam.localization.data_association import FrameMasks
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
 from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
-from meshslam.localization.known_objects import KnownObject, known_objects
 from meshslam.localization.localizer import Localizer, LocalizerSettings
+from meshslam.localization.map_models import KnownObject, known_objects
 from meshslam.localization.sequence import Localization, localize_sequence
 from meshslam.localization.stream import Stream
 

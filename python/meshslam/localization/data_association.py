@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from meshslam.categories import keypoint_order
 from meshslam.geometry import Bytes, Camera, Floats, Pose, View, render
 from meshslam.localization.config import AssociationConfig
-from meshslam.localization.known_objects import KnownObject
+from meshslam.localization.map_models import KnownObject
 from meshslam.objects import FrameOcclusion, ObjectConfig, make_view
 from meshslam.perception import Detection
 

@@ -21,7 +21,7 @@ from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import Correction, MapObservation, correct
 from meshslam.localization.data_association import FrameMasks, associate, in_view, observations_of
-from meshslam.localization.known_objects import KnownObject
+from meshslam.localization.map_models import KnownObject
 from meshslam.motion import Interval, Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.objects import ObjectConfig
 from meshslam.perception import Detection

@@ -13,7 +13,7 @@ from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.data_association import FrameMasks, associate, in_view
 from meshslam.localization.estimator import FrameReport
-from meshslam.localization.known_objects import KnownObject
+from meshslam.localization.map_models import KnownObject
 from meshslam.motion import Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.objects import ObjectConfig, keypoints_of
 from meshslam.perception import Detection, are_near

@@ -18,7 +18,7 @@ from meshslam.initialization import EstimationConfig, FirstFrames, settling_seco
 from meshslam.localization.archive import read_archive, under, write_archive
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
-from meshslam.localization.known_objects import known_objects
+from meshslam.localization.map_models import known_objects
 from meshslam.localization.relocalization import MapStart, start_in_map
 from meshslam.localization.stream import Stream
 from meshslam.maps import Map

@@ -15,7 +15,7 @@ from meshslam.initialization import EstimationConfig, Estimator, FirstFrames, ro
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import MapObservation, correct
 from meshslam.localization.data_association import FrameMasks, associate, in_view, observations_of
-from meshslam.localization.known_objects import KnownObject
+from meshslam.localization.map_models import KnownObject
 from meshslam.motion import Mounting, NavState, inertial_path
 from meshslam.objects import ObjectConfig
 from meshslam.perception import Detection

@@ -21,7 +21,7 @@ from meshslam.initialization import (
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
 from meshslam.localization.gradient_estimator import GradientEstimator
-from meshslam.localization.known_objects import KnownObject, known_objects
+from meshslam.localization.map_models import KnownObject, known_objects
 from meshslam.localization.relocalization import MapStart, start_in_map
 from meshslam.maps import Map
 from meshslam.motion import Mounting, NavState, check_imu, inertial_path, start_state

@@ -118,7 +118,7 @@ def _mapping(
 
 
 def make_scene(
-    frames: CameraPath, detections: DetectionSet, category: Category, config: ObjectConfig, *, use_ground: bool
+    frames: CameraPath, detections: DetectionSet, category: Category, config: ObjectConfig, *, use_ground: bool = True
 ) -> Scene:
     """Gather what all objects of a category share."""
     model = category_model(category)

@@ -1,13 +1,13 @@
 """One object from its observations: start, pose, shape, uncertainty."""
 
-from meshslam.objects.category_model import category_model
 from meshslam.objects.config import GradientConfig, ObjectConfig
 from meshslam.objects.gradient_descent import reconstruct_by_gradient
 from meshslam.objects.ground import road_points
+from meshslam.objects.models import category_model
 from meshslam.objects.noise import estimated_noise
 from meshslam.objects.observations import keypoints_of, make_view, signed_distance
 from meshslam.objects.occlusion import FrameOcclusion, Occluders, Placed
-from meshslam.objects.reconstruct import (
+from meshslam.objects.reconstruction import (
     Reconstruction,
     Scene,
     TrackObservations,

@@ -28,7 +28,7 @@ from meshslam.geometry import (
 )
 from meshslam.objects.config import GradientConfig
 from meshslam.objects.observations import keypoints_of
-from meshslam.objects.reconstruct import Reconstruction, Scene, TrackObservations, find_start
+from meshslam.objects.reconstruction import Reconstruction, Scene, TrackObservations, find_start
 from meshslam.objects.start_search import pose_from_keypoints, triangulate_keypoints
 from meshslam.objects.track import choose_views
 

@@ -1,11 +1,11 @@
 """Pictures of a run: the HTML report, and its parts that stand alone."""
 
-from meshslam.viewing.birds_eye import birds_eye, footprint
 from meshslam.viewing.category_sheet import category_page, category_png
 from meshslam.viewing.charts import Line, line_charts
 from meshslam.viewing.context import ReportContext
+from meshslam.viewing.from_above import birds_eye, footprint
 from meshslam.viewing.markup import jpeg_uri, number, table, text
-from meshslam.viewing.mesh_picture import mesh_picture
+from meshslam.viewing.mesh_drawing import mesh_picture
 from meshslam.viewing.overlay import draw_overlay
 from meshslam.viewing.overview import figure_rows, overview_page
 from meshslam.viewing.path_charts import can_plot, iterations_chart, lines_from_above, path_chart

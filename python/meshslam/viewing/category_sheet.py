@@ -10,7 +10,7 @@ import numpy as np
 from meshslam.categories import Category
 from meshslam.geometry import Bytes, Floats
 from meshslam.viewing.markup import png_uri
-from meshslam.viewing.mesh_picture import VIEWS, mesh_picture
+from meshslam.viewing.mesh_drawing import VIEWS, mesh_picture
 
 SPREAD = (-2.0, 2.0)  # sigmas at which a mode is shown
 SHOWN = 12  # modes

@@ -9,8 +9,8 @@ import numpy as np
 
 from meshslam.geometry import Pose
 from meshslam.maps import Map
-from meshslam.viewing.birds_eye import footprint
 from meshslam.viewing.charts import Line, line_charts
+from meshslam.viewing.from_above import footprint
 
 ITERATION = "ate_iteration_"  # of the figures' keys that hold an iteration's error
 

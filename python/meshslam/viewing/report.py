@@ -5,10 +5,10 @@ from __future__ import annotations
 import base64
 from string import Template
 
-from meshslam.viewing.birds_eye import birds_eye
 from meshslam.viewing.context import ReportContext
 from meshslam.viewing.crops import crops
 from meshslam.viewing.filmstrip import choose_frames, filmstrip, keypoint_legend
+from meshslam.viewing.from_above import birds_eye
 from meshslam.viewing.markup import asset, number, script_json, text
 from meshslam.viewing.path_charts import ITERATION
 from meshslam.viewing.scene3d import scene_data

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from meshslam.maps import MapObject, object_colour
-from meshslam.viewing.birds_eye import position_covariance
 from meshslam.viewing.context import ReportContext
+from meshslam.viewing.from_above import position_covariance
 from meshslam.viewing.markup import UNKNOWN, number, rgb, size_m, table, text
 
 
