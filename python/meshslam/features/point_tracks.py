@@ -1,4 +1,4 @@
-"""Corners of the static scene, followed through the frames by optical flow both ways, block by block of frames."""
+"""Point tracks: corners of the static scene, followed by optical flow forwards and backwards."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PointConfig:
 
 @dataclass(frozen=True, eq=False)
 class PointTracks:
-    """Corners of consecutive frames: all begin in the first of them, some end early."""
+    """Points tracked over consecutive frames: all begin in the first of them, some end early."""
 
     row: int
     first: int  # index of the frame
@@ -47,9 +47,9 @@ class PointTracks:
 
 @dataclass
 class PointTracker:
-    """Feed it images in order: it hands out the block of frames that is open or has just been closed.
+    """Takes images in order; returns the point tracks of the open stretch of frames, or of the one that just ended.
 
-    The first block of row k of n is cut short by k/n.
+    Stretches of several rows are staggered: the first one of row k of n is shortened by k/n.
     """
 
     config: PointConfig

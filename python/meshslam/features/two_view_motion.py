@@ -1,4 +1,4 @@
-"""How a camera moved between two images, up to the length of its way, from corners that were followed."""
+"""Relative motion of a camera between two images, up to the length of the translation, from point tracks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from meshslam.geometry import Camera, Floats, Pose
 
 _LEAST_MATCHES = 12
 _INLIER_PX, _CONFIDENCE = 0.7, 0.9999
-_LEAST_PARALLAX_PX = 0.3  # in the median, once the turn is taken off: below it the camera stands
+_LEAST_PARALLAX_PX = 0.3  # in the median, once the rotation is removed: below it the camera stands still
 
 
 def two_views(matches: Floats, camera: Camera) -> Pose:

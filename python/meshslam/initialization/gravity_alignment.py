@@ -42,27 +42,29 @@ class CameraMotion:
     """A camera before gravity and velocity are known, in the first IMU's frame: centre = W v + g t^2 / 2 + offset.
 
     By an IMU W is t I, and the IMU's velocity there is v + g t + gain. By images alone it is W v = v_x w, w being the
-    way in units of the speed, and gravity does not act.
+    displacement in units of the speed, and gravity does not act.
     """
 
     time_s: float  # since the first
     rotation: Floats  # (3, 3), first imu from camera
     offset_m: Floats  # (3,)
     gain_m_s: Floats | None  # (3,); None by images alone
-    way_s: Floats | None = None  # (3,), by images alone
+    displacement_s: Floats | None = None  # (3,), by images alone
 
     def by_velocity(self) -> Floats:
         """W (3, 3)."""
-        return self.time_s * np.eye(3) if self.way_s is None else np.outer(self.way_s, [1.0, 0.0, 0.0])
+        return (
+            self.time_s * np.eye(3) if self.displacement_s is None else np.outer(self.displacement_s, [1.0, 0.0, 0.0])
+        )
 
     def by_gravity(self) -> float:
         """How far gravity of one m/s2 takes it."""
-        return 0.5 * self.time_s**2 if self.way_s is None else 0.0
+        return 0.5 * self.time_s**2 if self.displacement_s is None else 0.0
 
 
 @dataclass(frozen=True)
 class BoxObservation:
-    """A whole box of a tracked object."""
+    """The box of a tracked object that is not cut by the image's edge."""
 
     track: int
     frame: int  # index
@@ -114,7 +116,7 @@ def align(
         for i in range(len(tracks)):
             rows.add({9 + 4 * i: np.eye(1) / config.size_sigma}, np.ones(1) / config.size_sigma)
         blocks = [
-            _sight_rows(s, motions[s.frame], tracks.index(s.track), camera, down, height_above_ground_m, config)
+            _observation_rows(s, motions[s.frame], tracks.index(s.track), camera, down, height_above_ground_m, config)
             for s in observations
         ]
         for weight, (columns, right) in zip(weights, blocks, strict=True):
@@ -152,7 +154,7 @@ class _Rows:
         return found
 
 
-def _sight_rows(
+def _observation_rows(
     observation: BoxObservation,
     motion: CameraMotion,
     number: int,
@@ -203,6 +205,6 @@ def _road_vehicle_rows(
 
 
 def _robust(columns: dict[int, Floats], right: Floats, x: Floats, kernel: float) -> float:
-    """Geman and McClure's weight of a sight at a solution."""
+    """Geman and McClure's weight of a box observation at a solution."""
     residual = sum((block @ x[at : at + block.shape[1]] for at, block in columns.items()), -right)
     return float(geman_mcclure_soft(float(residual @ residual), kernel**2) ** -2)

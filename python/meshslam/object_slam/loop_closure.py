@@ -52,8 +52,9 @@ def match_landmarks(
 ) -> LoopClosure | None:
     """The largest set of pairs that one small motion explains; None if it is too small.
 
-    `radii_m`: how far off each known object may seem. Turns are small and about the vertical: a pair alone tells the
-    motion, and others agree if their own differs by no more than a small turn makes of the distance between them.
+    `radii_m`: how far from its place in the map each known landmark may be observed. Rotations are small and about the
+    vertical. One pair gives a translation; another pair agrees if its own translation differs by no more than a small
+    rotation explains at the distance between the two.
     """
     pairs = _candidates(seen, known, radii_m, config)
     best: list[tuple[int, int]] = []
@@ -67,8 +68,8 @@ def match_landmarks(
         np.array([seen[i].pose.translation for i, _ in best]), np.array([known[a].pose.translation for _, a in best])
     )
     left = [np.linalg.norm(correction.transform(seen[i].pose.translation) - known[a].pose.translation) for i, a in best]
-    sure = all(radii_m[a] <= config.sure_radius_m for _, a in best)
-    needed = (1 if sure else config.min_objects) + 2 * _contradictions(seen, known, best, correction, config)
+    one_suffices = all(radii_m[a] <= config.sure_radius_m for _, a in best)
+    needed = (1 if one_suffices else config.min_objects) + 2 * _contradictions(seen, known, best, correction, config)
     if len(best) < needed or max(left) > config.place_sigma_m:
         return None
     return LoopClosure(tuple((seen[i].number, known[a].number) for i, a in best), correction)
@@ -81,7 +82,7 @@ def _contradictions(
     correction: Pose,
     config: LoopClosureConfig,
 ) -> int:
-    """How many objects in view would stand in known ones that they are not."""
+    """How many other landmarks in view would overlap older landmarks that they are not paired with."""
     paired, taken = {i for i, _ in pairs}, {a for _, a in pairs}
     others = [correction.transform(one.pose.translation) for i, one in enumerate(seen) if i not in paired]
     free = [other.pose.translation for a, other in enumerate(known) if a not in taken]

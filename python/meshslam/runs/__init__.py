@@ -3,7 +3,7 @@
 from meshslam.runs.api import evaluate, localize, map_drive, slam
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import run_localize
-from meshslam.runs.map_run import run_map
+from meshslam.runs.map_run import map_recording, run_map
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import segment_frames, with_keypoints
@@ -21,6 +21,7 @@ __all__ = [
     "imu_notes",
     "localize",
     "map_drive",
+    "map_recording",
     "metrics_json",
     "object_notes",
     "open_input",

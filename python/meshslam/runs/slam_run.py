@@ -36,6 +36,7 @@ def slam_recording(
         result = slam_sequence(
             recording, tracked, category, settings, outlet.progress, fixed_tracks=seen.has_given_tracks
         )
+    clock.move("localization", "mapping", result.refinement_s)
     for note in result.notes:
         outlet.note(note)
     return result

@@ -39,6 +39,11 @@ class Clock:
         finally:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
+    def move(self, from_stage: str, to_stage: str, seconds: float) -> None:
+        """Count a part of one stage's time as another's."""
+        self.seconds[from_stage] = self.seconds.get(from_stage, 0.0) - seconds
+        self.seconds[to_stage] = self.seconds.get(to_stage, 0.0) + seconds
+
 
 def open_input(chosen: InputConfig) -> Sequence:
     """Open the recording that a run reads."""
