@@ -1,5 +1,6 @@
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 
@@ -30,6 +31,21 @@ def test_two_views_tell_turn_and_direction():
     found = two_views(matches, CAMERA)
     assert np.degrees(np.arccos((np.trace(found.rotation.T @ step.rotation) - 1) / 2)) < 0.1
     assert found.translation @ step.translation / np.linalg.norm(step.translation) > np.cos(np.radians(2.0))
+
+
+def test_two_views_neither_use_nor_change_the_random_numbers_of_opencv():
+    matches = followed(
+        np.random.default_rng(1), Pose(exp_so3(np.array([0.004, 0.03, -0.002])), np.array([0.0, 0.0, 1.1]))
+    )
+    matches[:40] += np.random.default_rng(2).uniform(-30, 30, (40, 2, 2))
+    found, drawn = [], []
+    for seed in (0, 0, 5):
+        cv2.setRNGSeed(seed)
+        found.append(two_views(matches, CAMERA).matrix)
+        drawn.append(cv2.randu(np.zeros((2, 3), np.uint8), 0, 255).tolist())
+    assert all((matrix == found[0]).all() for matrix in found)
+    cv2.setRNGSeed(5)
+    assert drawn[2] == cv2.randu(np.zeros((2, 3), np.uint8), 0, 255).tolist()
 
 
 def test_a_camera_that_stands_has_no_direction():

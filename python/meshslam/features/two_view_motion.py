@@ -21,7 +21,6 @@ def two_views(matches: Floats, camera: Camera) -> Pose:
         return Pose.identity()
     rays = camera.rays(matches)
     first, second = (np.ascontiguousarray(rays[:, i, :2] / rays[:, i, 2:]) for i in range(2))
-    cv2.setRNGSeed(0)
     found = cv2.findEssentialMat(first, second, np.eye(3), cv2.USAC_ACCURATE, _CONFIDENCE, _INLIER_PX / camera.fx)
     essential, inliers = found[0], found[1]
     if essential is None or essential.shape != (3, 3):
