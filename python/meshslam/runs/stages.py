@@ -15,6 +15,7 @@ import numpy as np
 
 from meshslam.errors import SequenceError
 from meshslam.features import correct_rotations
+from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import DetectionSet, write_detections
@@ -65,18 +66,23 @@ def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, Ru
     return recording, run, done
 
 
-def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
-    """The camera at each frame; where there are images, with rotations that agree with them."""
+def need_poses(recording: Sequence) -> tuple[Pose, ...]:
+    """The known poses; SequenceError where there are none."""
     if recording.world_from_camera is None:
         raise SequenceError(
             f"{recording.root}: mapping needs the camera's poses: poses.tum in a sequence folder, "
-            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry"
+            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry; without poses `meshslam slam` finds path and objects"
         )
+    return recording.world_from_camera
+
+
+def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
+    """The camera at each frame; where there are images, with rotations that agree with them."""
     frames = CameraPath(
         recording.camera,
         recording.frame_ids,
         recording.times_s,
-        recording.world_from_camera,
+        need_poses(recording),
         recording.height_above_ground_m,
     )
     if recording.image_paths is None or not config.rotations.enabled:
