@@ -87,7 +87,7 @@ MODEL = category_model(CATEGORY)
 
 
 def seen_car(rng, *, border):
-    """camera_from_object of a car near its best estimate, its modes, and its view; without a border costs are smooth."""
+    """camera_from_object of a car near its best estimate, its modes, its view; without a border the cost is smooth."""
     heading = Pose.from_yaw(rng.uniform(-np.pi, np.pi), np.zeros(3)).rotation
     turn = LEVEL_FROM_CAMERA.T @ heading @ exp_so3(rng.normal(0, 0.05, 3))
     pose = Pose(turn, np.array([rng.uniform(-2, 2), rng.uniform(0.3, 0.8), rng.uniform(9, 14)]))
@@ -149,7 +149,9 @@ def points_case(rng, lengths=(5,)):
     ]
     tracks = []
     for length in lengths:
-        points = world.transform(np.column_stack([rng.uniform(-8, 8, 25), rng.uniform(-3, 1.5, 25), rng.uniform(12, 40, 25)]))
+        points = world.transform(
+            np.column_stack([rng.uniform(-8, 8, 25), rng.uniform(-3, 1.5, 25), rng.uniform(12, 40, 25)])
+        )
         pixels = np.stack([CAMERA.project(c.inverse().transform(points)) for c in cameras[:length]], axis=1)
         tracks.append(pixels + rng.normal(0, 0.3, pixels.shape))
     for frame, camera in zip(frames, cameras, strict=True):
@@ -238,8 +240,9 @@ def linearized(case):
     """Whitened Jacobian by key, and residual."""
     linear = case.factor.linearize(case.values)
     jacobian, right = linear.jacobian()
-    ends = np.cumsum([0, *(case.widths[key] for key in linear.keys())])
-    blocks = {key: jacobian[:, ends[i] : ends[i + 1]] for i, key in enumerate(linear.keys())}
+    keys = list(linear.keys())
+    ends = np.cumsum([0, *(case.widths[key] for key in keys)])
+    blocks = {key: jacobian[:, ends[i] : ends[i + 1]] for i, key in enumerate(keys)}
     assert ends[-1] == jacobian.shape[1]
     return blocks, -right
 
@@ -255,7 +258,9 @@ def differences(case, function):
     """Central differences of a function of the values, by key: (rows, width)."""
     out = {}
     for key, width in case.widths.items():
-        columns = [(function(moved(case, key, STEP * e)) - function(moved(case, key, -STEP * e))) for e in np.eye(width)]
+        columns = [
+            (function(moved(case, key, STEP * e)) - function(moved(case, key, -STEP * e))) for e in np.eye(width)
+        ]
         out[key] = np.array(columns).T / (2 * STEP)
     return out
 
