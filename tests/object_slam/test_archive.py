@@ -13,6 +13,7 @@ from meshslam.object_slam import SlamConfig, SlamEstimator
 from meshslam.object_slam.archive import estimator_from_arrays, estimator_to_arrays
 from meshslam.object_slam.landmarks import Landmark
 from meshslam.object_slam.setup import SlamSetup
+from tests.fixtures.equality import same
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, start_of
 
 
@@ -48,20 +49,6 @@ def read_back(setup, estimator):
     other = SlamEstimator(setup)
     estimator_from_arrays(other, estimator_to_arrays(estimator))
     return other
-
-
-def same(one, other):
-    """Equal, whatever it is made of; numbers to their last bits: poses are made orthonormal where they are read."""
-    if isinstance(one, Pose):
-        return np.allclose(one.matrix, other.matrix, rtol=0, atol=1e-9)
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, np.ndarray | list | float):
-        try:
-            return np.allclose(one, other, rtol=0, atol=1e-9)
-        except (TypeError, ValueError):
-            return len(one) == len(other) and all(map(same, one, other))
-    return type(one) is type(other) and one == other
 
 
 @pytest.mark.parametrize("what", ["frame_ids", "times_s", "in_view", "moving", "joined"])
