@@ -26,7 +26,7 @@ from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
 from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-localizer-2"
+FORMAT = "meshslam-localizer-3"
 NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 

@@ -48,7 +48,7 @@ from meshslam.perception import (
 )
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-2"
+FORMAT = "meshslam-slam-3"
 Progress = Callable[[str, int, int], None]
 
 

@@ -90,9 +90,10 @@ class TrackedObject:
     tracked: TrackedMask  # in the last frame: seen or predicted
     last_seen: Floats  # box, brought along as the camera turns
     given: int | None
-    members: list[int]  # ids of detections
+    members: list[int]  # ids of detections; online, of the newest frame's alone
     motion: Floats = field(default_factory=lambda: np.zeros(4))  # of the box, px a frame, without the camera's turning
     missed: int = 0
+    views: int = 1  # detections so far
 
 
 @dataclass
@@ -166,10 +167,11 @@ class Tracker:
     def _continue(self, object_: TrackedObject, detection: Detection, seen: TrackedMask) -> None:
         steps = object_.missed + 1
         motion = (seen.box - object_.last_seen) / steps
-        object_.motion = motion if len(object_.members) == 1 else 0.5 * (motion + object_.motion)
+        object_.motion = motion if object_.views == 1 else 0.5 * (motion + object_.motion)
         object_.tracked, object_.last_seen, object_.missed = seen, seen.box, 0
         object_.given = object_.given if object_.given is not None else detection.track_id
         object_.members.append(detection.id)
+        object_.views += 1
 
     def _start(self, detection: Detection, seen: TrackedMask) -> None:
         self.active.append(TrackedObject(seen, seen.box, detection.track_id, [detection.id]))
