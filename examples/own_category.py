@@ -1,6 +1,6 @@
 """A category of your own from meshes, used to reconstruct an object from masks.
 
-Without arguments it makes two waste bins with Trimesh. For meshes of your own (any format that Trimesh reads):
+Without arguments it makes a waste bin with Trimesh. For meshes of your own (any format that Trimesh reads):
 python examples/own_category.py chair1.obj chair2.stl --name chair --forward -z --up y --scale 0.001
 Then: meshslam map DRIVE --category chair.npz, or meshslam.map_drive(DRIVE, category="chair.npz")
 """
@@ -27,7 +27,7 @@ def bin_mesh(length_m: float, width_m: float, height_m: float) -> trimesh.Trimes
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("meshes", nargs="*", type=Path, help="mesh files; waste bins are made if none is given")
+    parser.add_argument("meshes", nargs="*", type=Path, help="mesh files; a waste bin is made if none is given")
     parser.add_argument("--name", default="bin", help="what detections call the class")
     parser.add_argument("--forward", default="x", help="axis of the files that points ahead: x, -x, y, -y, z, -z")
     parser.add_argument("--up", default="z", help="axis that points up")
@@ -36,10 +36,9 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         meshes, file = options.meshes, Path(options.out or f"{folder}/{options.name}.npz")
-        if not meshes:
-            for k, size in enumerate([(1.2, 1.0, 1.2), (1.35, 0.95, 1.35)]):
-                meshes.append(Path(folder, f"bin{k}.ply"))
-                bin_mesh(*size).export(meshes[-1])
+        if not meshes:  # one is enough; more would tell how shapes differ
+            meshes = [Path(folder, "bin.ply")]
+            bin_mesh(1.2, 1.0, 1.3).export(meshes[0])
         axes = MeshOptions(forward=options.forward, up=options.up, scale=options.scale)
         save_category(category_from_meshes(options.name, meshes, keypoints=None, options=axes), file)
         category = load_category(file)
