@@ -152,7 +152,7 @@ class Localizer:
         self._waiting.append(given)
         return self._begin() if self._suffices() else LocalizerState(number, time_s, None, None, None, (), ())
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the newest state with its joint covariance, and which objects moved (.npz).
 
         The smoothing of the last seconds ends here; what they say of the newest state is kept. It continues here, and
@@ -165,7 +165,7 @@ class Localizer:
         arrays: dict[str, Any] = {"own": np.array(json.dumps(plain))}
         arrays |= {f"marginal_{k}": v for k, v in marginal.arrays().items()}
         arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
-        write_archive(path, FORMAT, self._stream.samples(), arrays)
+        write_archive(Path(path), FORMAT, self._stream.samples(), arrays)
         self._fill(arrays, self._stream.samples())
 
     @classmethod

@@ -42,7 +42,7 @@ EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, min_keypoi
 
 def write_recording(
     street: Street,
-    folder: Path,
+    folder: Path | str,
     observer: ObserverConfig | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     imu_noise: ImuNoise | None = None,
@@ -54,6 +54,7 @@ def write_recording(
     Moving cars are in `association.json`, not in `objects.json`: they have no one place. `known_poses` are those that
     may be used (poses.tum); the true path is there in any case. SequenceError if the folder cannot be written.
     """
+    folder = Path(folder)
     detections, object_of_annotation = observe(street, observer or ObserverConfig())
     imu = street.imu or _simulated(street, imu_noise or ImuNoise())
     write_sequence_folder(
