@@ -233,4 +233,6 @@ def _bound(bound: Bound) -> str:
 def _shown(value: object) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
-    return repr(value)
+    if isinstance(value, float):
+        return repr(float(value)).removesuffix(".0")
+    return repr(list(value) if isinstance(value, tuple) else value)

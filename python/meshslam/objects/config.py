@@ -57,7 +57,7 @@ class ObjectConfig(Settings):
     # the search of the start
     start_yaws: int = expert(16, low=1)
     start_candidates: int = expert(4, low=1)
-    start_overlap: float = expert(0.7, low=0, high=1)  # mask IoU of a start from key points that needs no search
+    start_overlap: float = expert(0.7, low=0)  # mask IoU of a start from key points that needs no search
     start_margin: float = expert(50.0, low=0)  # cost by which the mean mesh may fit worse than at the best start,
     start_margin_share: float = expert(1.0, low=0)  # and this share of the best more: the noise is not known yet
     # objects that move, and one object seen as two

@@ -118,12 +118,14 @@ def written(path: str, value: object, known: Mapping[str, Setting]) -> str:
 
 
 def _near(path: str, known: Mapping[str, Setting]) -> list[str]:
-    """The settings that are called so elsewhere, or nearly so here, or nearly so elsewhere: the first of these."""
+    """Settings of nearly that name or group, those of that name elsewhere, else of nearly that name elsewhere."""
     group, _, leaf = path.rpartition(".")
     by_leaf: dict[str, list[str]] = {}
     for name in known:
         by_leaf.setdefault(name.rpartition(".")[2], []).append(name)
-    if leaf in by_leaf:
-        return by_leaf[leaf][:3]
-    here = get_close_matches(path, [name for name in known if name.rpartition(".")[0] == group], 1, 0.8)
-    return here or [name for near in get_close_matches(leaf, by_leaf, 1, 0.75) for name in by_leaf[near]][:3]
+    same_group = [name for name in known if name.rpartition(".")[0] == group]
+    near = get_close_matches(path, same_group, 1, 0.8) or get_close_matches(path, known, 1, 0.85)
+    others = by_leaf.get(leaf) or [n for found in get_close_matches(leaf, by_leaf, 1, 0.75) for n in by_leaf[found]]
+    if near and (leaf not in by_leaf or near[0].endswith(f".{leaf}")):
+        return near
+    return [*near, *others][:3]

@@ -74,8 +74,12 @@ def read_yaml(path: Path) -> object:
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such configuration file") from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read as YAML: {' '.join(str(error).split())}") from None
+        raise ConfigError(f"{path}: cannot be read as YAML: {_one_line(error)}") from None
     return document or {}
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).replace('"<unicode string>", ', "").split())
 
 
 def to_yaml(config: Settings, command: str | None = None) -> str:
@@ -147,10 +151,11 @@ class _Loader(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Refuse a key that would hide another."""
-        keys = [key.value for key, _ in node.value]
-        double = [key for i, key in enumerate(keys) if isinstance(key, str) and key in keys[:i]]
-        if double:
-            raise yaml.constructor.ConstructorError(None, None, f"{double[0]} stands twice", node.start_mark)
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value} stands twice", key.start_mark)
+            seen.add(str(key.value))
         return super().construct_mapping(node, deep)
 
 
