@@ -54,10 +54,12 @@ def open_input(chosen: InputConfig) -> Sequence:
     return open_sequence(*given, imu=chosen.imu, imu_from_camera=chosen.imu_from_camera)
 
 
-def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
-    """Open recording and run directory; also the run's figures, if it is there whole already."""
+def begin(
+    command: str, settings: Config, out: Path, *, overwrite: bool
+) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
+    """Open recording and run directory of a command; also the run's figures, if it is there whole already."""
     recording = open_input(settings.input)
-    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
+    run = RunDirectory.start(out, to_yaml(settings, command), version("meshslam"), overwrite=overwrite)
     if not (run.has("metrics.json") and run.has("report.html")):
         return recording, run, None
     done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
