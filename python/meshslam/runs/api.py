@@ -57,7 +57,7 @@ def map_drive(
             print(number, car.world_from_object.translation, car.dimensions)
 
     """
-    recording, settings, outlet = _opened(drive, segmenter, category, config, progress)
+    recording, settings, outlet = _opened(drive, segmenter, category, config, progress, use_imu=False)
     return map_recording(recording, settings, outlet).result(recording, outlet)
 
 
@@ -129,6 +129,8 @@ def _opened(
     category: str | None,
     config: Config | None,
     progress: Progress | None,
+    *,
+    use_imu: bool = True,
 ) -> tuple[Sequence, Config, Outlet]:
     settings = config or Config()
     chosen = settings.input
@@ -136,6 +138,10 @@ def _opened(
         chosen = replace(chosen, segmenter=str(segmenter))
     if category is not None:
         chosen = replace(chosen, category=category)
-    recording = drive if isinstance(drive, Sequence) else stages.open_input(replace(chosen, sequence=str(drive)))
+    recording = (
+        drive
+        if isinstance(drive, Sequence)
+        else stages.open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
+    )
     outlet = Outlet() if progress is None else Outlet(progress)
     return recording, replace(settings, input=chosen), outlet

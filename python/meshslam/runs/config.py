@@ -11,6 +11,7 @@ from meshslam.mapping import MappingConfig
 from meshslam.object_slam import SlamConfig
 from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, KeypointConfig, SegmenterConfig, TrackerConfig
+from meshslam.sequences import Convention
 from meshslam.settings import Settings, public
 
 
@@ -20,13 +21,15 @@ class InputConfig(Settings):
 
     sequence: str = public("", doc="folder of the recording")
     layout: str | None = public(None, doc="kitti-raw, kitti-odometry or folder, where the path does not tell")
-    camera: int | None = public(None, low=0, doc="which of the layout's cameras")
+    camera: int | None = public(None, low=0, doc="which of the cameras of the layout, or of the extrinsics' file")
     segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
     detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
     category: str = public("car", doc="category to map: a shipped one, or a file (.npz)")
     map: str | None = public(None, doc="a run, its map.json, or an objects.json")
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
     imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
+    poses_convention: Convention = public("camera", doc="what poses.tum holds: world_from_camera with z up, or another")
+    camera_from_body: str | None = public(None, doc="poses.tum holds world_from_body: camera_from_body, 4 x 4")
 
 
 @dataclass(frozen=True)

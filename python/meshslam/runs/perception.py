@@ -104,7 +104,10 @@ def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, out
 
 def fitted(found: DetectionSet, recording: Sequence, path: Path) -> DetectionSet:
     """The detections with one image a frame; DetectionError for an image of no frame, or of another size."""
-    raw = recording.raw_camera
+    raw, left_out = recording.raw_camera, recording.left_out_frames
+    if left_out:
+        kept = tuple(image for image in found.images if image.id not in left_out)
+        found = replace(found, images=kept, detections=tuple(d for d in found.detections if d.frame not in left_out))
     of_frame = {image.id: image for image in found.images}
     for number, image in of_frame.items():
         if number not in recording.frame_ids:
