@@ -137,6 +137,42 @@ def test_what_does_not_exist_is_named(source, tmp_path):
     assert "car" in error_of(meshslam("map", source, "--out", run, "--category", "boat"))
 
 
+WRONG_SETTINGS = {
+    "out of range": ("map", "mapping: {min_views: -3}", "mapping.min_views: expected a whole number of at least 1"),
+    "text for a number": (
+        "map",
+        "mapping: {max_distance_m: far}",
+        "mapping.max_distance_m: expected a number above 0 (m)",
+    ),
+    "a list for a number": ("map", "mapping: {min_views: [3, 4]}", "found [3, 4]"),
+    "a typing error": ("map", "mapping: {min_vews: 3}", "did you mean mapping.min_views?"),
+    "a name of 0.1": ("map", "mapping: {noise: {border_kernel: 2}}", "expert: {objects: {noise: {border_kernel: 2}}}"),
+    "of another command": ("map", "slam: {lag_s: 3}", "map does not use slam.lag_s (slam does): remove it"),
+    "of another command's own": ("slam", "localization: {solver: gradient}", "slam.solver: give that one"),
+    "an expert one in public": ("map", "mapping: {passes: 1}", "write expert: {mapping: {passes: 1}}"),
+    "a public one among experts": ("map", "expert: {mapping: {min_views: 3}}", "write mapping: {min_views: 3}"),
+    "for detect": ("detect", "tracking: {tracker: paper}", "detect does not use tracking.tracker (map and slam do)"),
+    "for localize": ("localize", "mapping: {min_views: 3}", "localize does not use mapping.min_views"),
+    "for simulate": (
+        "simulate",
+        "street: {frames: 0}",
+        "street.frames: expected a whole number of at least 1, found 0",
+    ),
+    "unknown to simulate": ("simulate", "street: {frame: 3}", "did you mean street.frames?"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_SETTINGS)
+def test_a_wrong_setting_is_named_with_what_to_write(source, tmp_path, name):
+    command, text, said = WRONG_SETTINGS[name]
+    (tmp_path / "settings.yaml").write_text(text)
+    places = [tmp_path / "run"] if command == "simulate" else [source, "--out", tmp_path / "run"]
+    error = error_of(meshslam(command, *places, "--config", tmp_path / "settings.yaml"))
+    assert error.startswith(f"error: {tmp_path / 'settings.yaml'}: ")
+    assert said in error
+    assert not (tmp_path / "run").exists()
+
+
 def test_networks_that_are_none_are_named(source, tmp_path):
     odd = other_network(tmp_path / "odd.onnx", [(1, 5, 7)])
     (tmp_path / "text.onnx").write_text("no network")
