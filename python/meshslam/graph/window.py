@@ -112,6 +112,29 @@ class Window:
         found: Floats = inverse @ inverse.T
         return found
 
+    def covariances(self, keys: Sequence[int]) -> dict[int, Floats]:
+        """As `covariance` of each variable, by one elimination for all of them."""
+        if not keys:
+            return {}
+        linear = self._graph(self.entries).linearize(self.values)
+        found_order = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(keys))
+        every = [found_order.at(index) for index in range(found_order.size())]
+        ordering = gtsam.Ordering()  # a variable on its own may come after the constrained ones: they are put last here
+        for key in [*(k for k in every if k not in keys), *keys]:
+            ordering.push_back(key)
+        net = linear.eliminateSequential(ordering, gtsam.EliminateQR)
+        last = gtsam.GaussianBayesNet()
+        for index in range(net.size() - len(keys), net.size()):
+            last.push_back(net.at(index))
+        inverse = np.linalg.pinv(np.asarray(last.matrix()[0]))
+        joint, start, found = inverse @ inverse.T, 0, {}
+        for index in range(last.size()):
+            key = last.at(index).keys()[0]
+            width = self.values.extract([key]).dim()
+            found[key] = joint[start : start + width, start : start + width]
+            start += width
+        return found
+
     def settle(self, entries: Sequence[Entry]) -> None:
         """Hold factors as they are linearized now."""
         for entry in entries:
