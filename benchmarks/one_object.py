@@ -13,14 +13,15 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from shape import camera_path, fitted, open_sequence, quiet, read_config, read_detections, ring
+from shape import ring
 
 from meshslam.categories import load_category
 from meshslam.mapping.pipeline import make_scene, with_noise_of
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import Work, fit_again, observe
-from meshslam.objects.occlusion import Occluders
-from meshslam.objects.reconstruction import fit_free_form, reconstruct, uncertainty
+from meshslam.objects import Occluders, fit_free_form, reconstruct, uncertainty
+from meshslam.runs import Config, Outlet, map_recording
+from meshslam.sequences import open_sequence
 
 Made = TypeVar("Made")
 STEPS = ("views", "start, pose, modes", "with the noise known", "free form", "pose covariance", "with each vertex's")
@@ -37,11 +38,10 @@ def timed(spent: dict[str, float], step: str, work: Callable[[], Made]) -> Made:
 def one_object(seed: int) -> dict[str, float]:
     """Seconds of each step for the car of a ring."""
     case = ring(8, seed)
-    recording, settings = open_sequence(case), read_config(None)
-    found = fitted(read_detections(recording.detections_path), recording, recording.detections_path)
-    frames = camera_path(recording, found, settings, quiet)
-    scene = make_scene(frames, found, load_category(settings.input.category), settings.mapping)
-    (track,), _ = usable_tracks(frames, found, settings.input.category, settings.mapping)
+    made = map_recording(open_sequence(case), Config(), Outlet())
+    frames, found, objects = made.frames, made.mapping.detections, Config().objects
+    scene = make_scene(frames, found, load_category("car"), objects)
+    (track,), _ = usable_tracks(frames, found, "car", Config().mapping, objects.min_view_box_px)
     occluders = Occluders(frames.camera, found.by_frame(), frames.pose_of_frame())
 
     spent: dict[str, float] = {}

@@ -23,11 +23,11 @@ import trimesh
 from scipy.spatial import KDTree
 
 from meshslam.categories import load_category
-from meshslam.mapping import MappingConfig, ObjectMapping
+from meshslam.mapping import ObjectMapping
 from meshslam.maps import Map, Trajectory
-from meshslam.perception import read_detections, write_detections
-from meshslam.runs.config import read_config
-from meshslam.runs.stages import build_map, camera_path, fitted, follow
+from meshslam.objects import category_model
+from meshslam.perception import write_detections
+from meshslam.runs import Outlet, map_recording, read_config
 from meshslam.sequences import open_sequence
 
 ROOT = Path(__file__).resolve().parent
@@ -87,13 +87,9 @@ def score(case: Path, run: Path, seen: int) -> dict[str, object]:
 
 def map_case(case: Path, config: Path | None) -> tuple[Path, dict[str, Map]]:
     """Run mapping on a case and save what the scorer reads; also the map after each stage."""
-    recording = open_sequence(case)
     settings = read_config(config)
-    found = fitted(read_detections(recording.detections_path), recording, recording.detections_path)
-    fixed = any(d.track_id is not None for d in found.detections)
-    tracked = found if fixed else follow(recording, found, settings, quiet)
-    frames = camera_path(recording, tracked, settings, quiet)
-    mapping = build_map(frames, tracked, settings, quiet, fixed_tracks=fixed)
+    made = map_recording(open_sequence(case), settings, Outlet())
+    frames, mapping = made.frames, made.mapping
     run = OUT / "runs" / case.name
     run.mkdir(parents=True, exist_ok=True)
     mapping.map.save(run)
@@ -102,7 +98,7 @@ def map_case(case: Path, config: Path | None) -> tuple[Path, dict[str, Map]]:
     return run, stage_maps(mapping, settings.input.category)
 
 
-def stage_maps(mapping: Mapping, category: str) -> dict[str, Map]:
+def stage_maps(mapping: ObjectMapping, category: str) -> dict[str, Map]:
     """The map as it was after each stage."""
     model = category_model(load_category(category))
     names = {"mean mesh": "start", "pose": "posed", "modes": "modes"}
@@ -121,10 +117,6 @@ def stage_maps(mapping: Mapping, category: str) -> dict[str, Map]:
         )
 
     return {name: at(stage) for name, stage in names.items()}
-
-
-def quiet(*_: object) -> None:
-    """Show no progress."""
 
 
 def true_surface(mesh: Path) -> tuple[np.ndarray, KDTree]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import re
 import tokenize
@@ -27,7 +28,7 @@ class Docstrings(griffe.Extension):
         `noqa` and type comments are for tools.
         """
         told = _arguments(attr.value)
-        text = told.get("doc", "").strip("'\"") or _last_comment(attr.source or "")
+        text = ast.literal_eval(told["doc"]) if "doc" in told else _last_comment(attr.source or "")
         if attr.docstring is None and attr.lineno is not None and text and not text.startswith(("noqa", "type:")):
             attr.docstring = griffe.Docstring(text[0].upper() + text[1:].rstrip(".") + ".", parent=attr)
         if told:

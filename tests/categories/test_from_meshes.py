@@ -34,19 +34,18 @@ def files(car, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def built(files):
-    notes = []
-    return category_from_meshes("car", files[0], files[1], MeshOptions(), notes.append), notes
+    return category_from_meshes("car", files[0], files[1])
 
 
 def test_one_mesh_without_key_points_is_a_category(car, files, tmp_path):
-    category = category_from_meshes("tram", files[0][:1], None, MeshOptions(), print)
+    category, _ = category_from_meshes("tram", files[0][:1])
     mesh = trimesh.load(files[0][0], process=False)
     there = category.vertices + mesh.bounds.mean(0)
     assert voxel_iou(there, category.faces, mesh.vertices, mesh.faces, 0.05) > 0.95
     assert (len(category.modes), category.keypoint_names) == (3, ())
     save_category(category, tmp_path / "tram.npz")
     assert category_bytes(load_category(tmp_path / "tram.npz")) == (tmp_path / "tram.npz").read_bytes()
-    again = category_from_meshes("tram", files[0][:1], None, MeshOptions(), print)
+    again, _ = category_from_meshes("tram", files[0][:1])
     assert category_bytes(again) == category_bytes(category)
 
 
@@ -84,7 +83,7 @@ def test_key_points_keep_their_places(car, files, built):
 
 def test_key_points_of_one_mesh_are_enough(files, tmp_path):
     (tmp_path / "one.json").write_text(json.dumps({"car1": files[2]["car1"]}))
-    category = category_from_meshes("car", files[0][:3], tmp_path / "one.json", MeshOptions(), lambda _: None)
+    category, _ = category_from_meshes("car", files[0][:3], tmp_path / "one.json")
     assert len(category.keypoint_names) == 12
     assert len(category.modes) == 2 + 3
 
@@ -109,18 +108,18 @@ def test_size_modes_stretch_by_their_share(car):
 )
 def test_wrong_options_are_named(files, name, options, message):
     with pytest.raises(CategoryError, match=message):
-        category_from_meshes(name, files[0][:1], None, MeshOptions(**options), print)
+        category_from_meshes(name, files[0][:1], None, MeshOptions(**options))
 
 
 def test_no_mesh_or_one_twice_is_refused(files):
     with pytest.raises(CategoryError, match="at least one"):
-        category_from_meshes("car", [], None, MeshOptions(), print)
+        category_from_meshes("car", [], None, MeshOptions())
     with pytest.raises(CategoryError, match="'car0'"):
-        category_from_meshes("car", files[0][:1] * 2, None, MeshOptions(), print)
+        category_from_meshes("car", files[0][:1] * 2, None, MeshOptions())
 
 
 def test_a_flat_mesh_is_named(tmp_path):
     sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
     sheet.export(tmp_path / "sheet.ply")
     with pytest.raises(CategoryError, match="sheet: its surface hides no volume"):
-        category_from_meshes("sheet", [tmp_path / "sheet.ply"], None, MeshOptions(), print)
+        category_from_meshes("sheet", [tmp_path / "sheet.ply"], None, MeshOptions())

@@ -41,13 +41,14 @@ class MeshOptions:
 
 
 def category_from_meshes(
-    name: str, paths: list[Path], keypoints: Path | None, options: MeshOptions, note: Note = print
-) -> Category:
+    name: str, paths: list[Path], keypoints: Path | None = None, options: MeshOptions | None = None
+) -> tuple[Category, tuple[str, ...]]:
     """Build a category from mesh files; one is enough, and key points need not be known.
 
-    `note` takes a line for each thing that the user should know. The same files give the same category.
-    CategoryError names the file and what is wrong with it.
+    Also returns notes: a line for each thing that the user should know of how it was made. The same files give the same
+    category. CategoryError names the file and what is wrong with it.
     """
+    options, notes = options or MeshOptions(), list[str]()
     _check(name, paths, options)
     meshes = [read_mesh(path, options.scale) for path in paths]
     if keypoints is not None:
@@ -57,9 +58,9 @@ def category_from_meshes(
         straight, said = upright(turned(mesh, options.forward, options.up), options.symmetry)
         upright_meshes.append(straight)
         if said:
-            note(said)
+            notes.append(said)
     wrapper = Wrapper(icosphere(3))
-    shapes, meshes = wrapped(wrapper, upright_meshes, note)
+    shapes, meshes = wrapped(wrapper, upright_meshes, notes.append)
     sphere = wrapper.sphere
     if len(shapes) > 1:
         mean, modes = principal_modes(shapes, sphere.faces, min(options.modes, len(shapes) - 1))
@@ -68,7 +69,7 @@ def category_from_meshes(
     mean = wrapper.symmetrized(mean - (mean.max(0) + mean.min(0)) / 2)
     modes = np.array([wrapper.symmetrized(mode) for mode in modes]).reshape(-1, *mean.shape)
     names, weights = _keypoint_weights(wrapper, shapes, meshes)
-    return Category(
+    category = Category(
         name=name,
         vertices=mean,
         faces=sphere.faces,
@@ -78,6 +79,7 @@ def category_from_meshes(
         keypoint_weights=weights,
         wheel_vertices=wheel_vertices(mean, sphere.mirror),
     )
+    return category, tuple(notes)
 
 
 def wrapped(wrapper: Wrapper, meshes: list[NamedMesh], note: Note) -> tuple[Floats, list[NamedMesh]]:

@@ -71,7 +71,9 @@ def build_(
         from meshslam.categories import MeshOptions, category_from_meshes
 
         options = MeshOptions(forward, up, scale, symmetry, modes, size_sigma)
-        category = category_from_meshes(name, meshes, keypoints, options, lambda line: print(f"note: {line}"))
+        category, notes = category_from_meshes(name, meshes, keypoints, options)
+        for note in notes:
+            print(f"note: {note}")
     save_category(category, out)
     length, width, height = category.dimensions
     print(f"{out}: {len(category.modes)} modes, {length:.2f} x {width:.2f} x {height:.2f} m")

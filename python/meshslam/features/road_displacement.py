@@ -1,8 +1,8 @@
-"""How far the camera came, by the road: its height above it gives the scale of what the road's texture shows.
+"""The camera's displacement from the road's texture; the camera's known height above the road gives the scale.
 
-Two images of a plane are related by a homography, which the camera's motion and the plane decide (Hartley and
-Zisserman 2004, Sec. 13.1). Rotation and direction are known well from IMU and corners; the length of the way is the one
-at which the road's texture in both images agrees best.
+Two images of a plane are related by a homography, which the camera's motion and the plane determine (Hartley and
+Zisserman 2004, Sec. 13.1). Rotation and direction are known well from IMU and point tracks. The length of the
+displacement is the one at which the road's texture in both images agrees best.
 """
 
 from __future__ import annotations
@@ -14,24 +14,25 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.settings import Settings, expert, public
 
 
 @dataclass(frozen=True)
-class RoadConfig:
+class RoadConfig(Settings):
     """The road as a measure of length; lengths in metres."""
 
-    enabled: bool = True  # where there are images and the camera's height is known
-    min_distance_m: float = 5.0  # of the patch of road, ahead of the camera
-    max_distance_m: float = 14.0
-    aside_m: float = 1.6
-    step_px: int = 2
-    baseline_m: float = 1.0  # between the two cameras, at least
-    chord_m: float = 10.0  # of the path that the camera took over the patch later: the road lies along it
-    search_share: float = 0.3  # by which the way may be longer or shorter than expected
-    min_correlation: float = 0.5
-    min_drop: float = 0.03  # of the correlation, where the way is `drop_share` longer or shorter
-    drop_share: float = 0.08
-    sigma_share: float = 0.015  # of a way; errors of height and slope last, so that many ways say little more than one
+    enabled: bool = public(True, doc="measure displacement by the road's texture, where there are images")
+    min_distance_m: float = expert(5.0, above=0)  # of the patch of road, ahead of the camera
+    max_distance_m: float = expert(14.0, above="min_distance_m")
+    aside_m: float = expert(1.6, above=0)
+    step_px: int = expert(2, low=1)
+    min_baseline_m: float = expert(1.0, above=0)  # between the two cameras
+    chord_m: float = expert(10.0, above=0)  # of the later path over the patch: the road lies along it
+    search_share: float = expert(0.3, above=0, below=1)  # by which the displacement may be longer or shorter than expected
+    min_correlation: float = expert(0.5, low=0, high=1)
+    min_drop: float = expert(0.03, low=0, high=2)  # of the correlation, where it is `drop_share` longer or shorter
+    drop_share: float = expert(0.08, above=0, below=1)
+    sigma_share: float = expert(0.015, above=0)  # of one; errors of height and slope persist
 
 
 def road_normal(centres: Sequence[Floats], config: RoadConfig) -> Floats | None:
@@ -43,8 +44,8 @@ def road_normal(centres: Sequence[Floats], config: RoadConfig) -> Floats | None:
     far = np.flatnonzero(np.linalg.norm(path, axis=1) >= config.chord_m)
     if not len(far):
         return None
-    way = path[far[0]] / np.linalg.norm(path[far[0]])
-    normal = np.array([0.0, 0.0, 1.0]) - way[2] * way
+    along = path[far[0]] / np.linalg.norm(path[far[0]])
+    normal = np.array([0.0, 0.0, 1.0]) - along[2] * along
     norm = float(np.linalg.norm(normal))
     return normal / norm if norm > 0.5 else None
 
@@ -58,7 +59,7 @@ def road_displacement_m(
     camera: Camera,
     config: RoadConfig,
 ) -> float | None:
-    """Length of the way between two cameras; None if the road's texture does not tell.
+    """Distance between two cameras; None if the road's texture does not determine it.
 
     `images` are grey, of the first and the second camera; `free` (h, w) marks what nothing hides in the second.
     """
@@ -110,11 +111,11 @@ def _correlation(seen: Floats, image: Bytes, pixels: Floats) -> float:
 
 
 def _peak(correlation: Callable[[float], float], expected: float, config: RoadConfig) -> tuple[float, float]:
-    """Where the correlation is largest around an expected way: a coarse search, a fine one, a parabola."""
+    """Where the correlation is largest around an expected displacement: a coarse search, a fine one, a parabola."""
     best = expected
     for reach, count in ((config.search_share, 25), (config.search_share / 12, 5)):
         tried = best * np.linspace(1 - reach, 1 + reach, count)
-        values = np.array([correlation(float(way)) for way in tried])
+        values = np.array([correlation(float(length)) for length in tried])
         i = int(values.argmax())
         best = float(tried[i])
     if not 0 < i < len(tried) - 1:

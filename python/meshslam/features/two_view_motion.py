@@ -1,4 +1,4 @@
-"""How a camera moved between two images, up to the length of its way, from corners that were followed."""
+"""Relative motion of a camera between two images, up to the length of the translation, from point tracks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from meshslam.geometry import Camera, Floats, Pose
 
 _LEAST_MATCHES = 12
 _INLIER_PX, _CONFIDENCE = 0.7, 0.9999
-_LEAST_PARALLAX_PX = 0.3  # in the median, once the turn is taken off: below it the camera stands
+_LEAST_PARALLAX_PX = 0.3  # in the median, once the rotation is removed: below it the camera stands still
 
 
 def two_views(matches: Floats, camera: Camera) -> Pose:
@@ -21,7 +21,6 @@ def two_views(matches: Floats, camera: Camera) -> Pose:
         return Pose.identity()
     rays = camera.rays(matches)
     first, second = (np.ascontiguousarray(rays[:, i, :2] / rays[:, i, 2:]) for i in range(2))
-    cv2.setRNGSeed(0)
     found = cv2.findEssentialMat(first, second, np.eye(3), cv2.USAC_ACCURATE, _CONFIDENCE, _INLIER_PX / camera.fx)
     essential, inliers = found[0], found[1]
     if essential is None or essential.shape != (3, 3):

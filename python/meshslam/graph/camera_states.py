@@ -25,7 +25,7 @@ class FrameEstimate:
 
 
 class CameraStates:
-    """States of the frames that a window holds; frames are numbered from 0 in the order in which they come."""
+    """States of the frames that a window holds; frames are numbered from 0 in their order."""
 
     def __init__(self, window: Window, mounting: Mounting) -> None:
         self.newest = -1

@@ -17,7 +17,7 @@ from meshslam.graph.window import Entry, Window, linear_factor
 from meshslam.motion import from_pose3, to_gtsam_covariance, to_pose3
 
 SIZE = S(0)  # how much larger all objects are than their category's mean, in its sigmas
-_LOOSE_SIGMAS = np.array([1.0] * 3 + [10.0] * 3)  # of a new object's pose: rad, m
+_WEAK_SIGMAS = np.array([1.0] * 3 + [10.0] * 3)  # of a new object's pose: rad, m
 
 
 class ObjectVariables:
@@ -66,13 +66,13 @@ class ObjectVariables:
         """Add an object: its pose is free, its modes z ~ N(s g, I).
 
         g (modes,), of unit length, makes an object larger as a whole; s ~ N(0, size_sigma^2) is one for all objects:
-        the cars of a place may all be larger than the category's mean, which else would be a measure of length.
+        the cars of one place may all be larger than the category's mean, and without s their size would fix the scale.
         """
         values, noise = self._window.values, gtsam.noiseModel
         values.insert(O(number), to_pose3(world_from_object))
         values.insert(Z(number), z)
-        loose = noise.Diagonal.Sigmas(_LOOSE_SIGMAS)
-        self._window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), loose))
+        weak = noise.Diagonal.Sigmas(_WEAK_SIGMAS)
+        self._window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), weak))
         if not values.exists(SIZE):
             values.insert(SIZE, np.zeros(1))
             self._window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))

@@ -1,4 +1,4 @@
-"""Tracks of corners as one factor over the cameras that saw them: the points themselves are projected out.
+"""Point tracks as one factor over the cameras that observe them: the points themselves are projected out.
 
 Each point is triangulated from the cameras; the part of its residuals that a move of the point could explain is taken
 away (Mourikis and Roumeliotis 2007).
@@ -18,7 +18,7 @@ from meshslam.geometry import Bools, Camera, Floats, Pose, geman_mcclure_soft, h
 from meshslam.graph.object_factor import CameraKeys, CameraMemo
 from meshslam.motion import to_gtsam_columns
 
-_NEAREST_WAYS, _FARTHEST_WAYS = 0.05, 400.0  # depths of points, in lengths of the way that the cameras came
+_MIN_DEPTH, _MAX_DEPTH = 0.05, 400.0  # of points, in units of the cameras' largest displacement
 _DAMPING = 1e-9
 _LEAST_INFORMATION = 1e-11  # of the largest
 _STEPS = 3  # of Gauss and Newton, after the midpoint of the rays
@@ -36,14 +36,14 @@ class Linearized:
 def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tuple[Floats, Bools]:
     """Points (n, 3) in the world from pixels (n, m, 2), and which of them are at a finite distance.
 
-    Of the others, whose rays hardly part or do not meet, the direction in the world is given. The limit goes with the
-    cameras' way, so that it prefers no scale.
+    Of the others, whose rays are nearly parallel or do not meet, the direction in the world is returned. The limit is
+    in units of the cameras' displacement, so that no scale is preferred.
     """
     rotations, eyes = _stacked(cameras)
     rays = camera.rays(pixels)
     toward = np.einsum("mij,nmj->nmi", rotations, rays / np.linalg.norm(rays, axis=2, keepdims=True))
     across = np.eye(3) - toward[..., :, None] * toward[..., None, :]
-    way = max(float(np.linalg.norm(eyes - eyes[0], axis=1).max()), 1e-6)
+    displacement = max(float(np.linalg.norm(eyes - eyes[0], axis=1).max()), 1e-6)
     normal = across.sum(1) + _DAMPING * np.eye(3)
     points: Floats = np.linalg.solve(normal, (across @ (eyes - eyes[0])[None, :, :, None]).sum(1))[..., 0] + eyes[0]
     for _ in range(_STEPS):
@@ -54,7 +54,7 @@ def triangulate(pixels: Floats, cameras: Sequence[Pose], camera: Camera) -> tupl
         hessian += _DAMPING * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         points = points - np.linalg.solve(hessian, np.einsum("nmki,nmk->ni", by_point, gap)[..., None])[..., 0]
     depth = _in_cameras(points, rotations, eyes[None])[..., 2]
-    finite = np.asarray(((depth > _NEAREST_WAYS * way) & (depth < _FARTHEST_WAYS * way)).all(1), bool)
+    finite = np.asarray(((depth > _MIN_DEPTH * displacement) & (depth < _MAX_DEPTH * displacement)).all(1), bool)
     return np.where(finite[:, None], points, toward.mean(1)), finite
 
 
@@ -111,7 +111,7 @@ def _projected_out(by_point: Floats, rows: Floats) -> Floats:
 
 @dataclass
 class _Last:
-    """What a factor was last asked for: GTSAM asks for the cost, then for the derivatives of the same values."""
+    """The last evaluation: GTSAM evaluates the cost, then the derivatives at the same values."""
 
     key: bytes = b""
     at: list[Triangulated] = field(default_factory=list)

@@ -70,17 +70,17 @@ def rough_start_by_images(
     gravity_m_s2: float,
     alignment: AlignmentConfig,
 ) -> RoughStart:
-    """The same without an IMU: the way's shape from corners, its length from boxes and the camera's height."""
+    """The same without an IMU: the path's shape from point tracks, its length from boxes and the camera's height."""
     frames = first.count_within(alignment.seconds)
     observations = first_box_observations(first, detections, frames)
     motions = motions_by_images(image_features, first, frames)
-    ahead = motions[1].way_s
+    ahead = motions[1].displacement_s
     assert ahead is not None
-    way = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
-    up = np.array([0.0, -1.0, 0.0]) + way[1] * way  # the road lies along the way
+    along = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    up = np.array([0.0, -1.0, 0.0]) + along[1] * along  # the road lies along the path
     height = first.height_above_ground_m
     found = align(motions, observations, first.camera, gravity_m_s2 * up, gravity_m_s2, height, alignment)
-    found = replace(found, velocity_m_s=found.velocity_m_s[0] * way)
+    found = replace(found, velocity_m_s=found.velocity_m_s[0] * along)
     return RoughStart(*_in_level(found, first, Pose.identity(), np.zeros(3), frames))
 
 

@@ -14,27 +14,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.geometry import Camera, Floats, geman_mcclure_soft
+from meshslam.settings import Settings, expert
 
 _KERNELS = np.array([8.0, 4.0, 2.0, 1.4, 1.0, 1.0, 1.0, 1.0])  # graduated: all objects count at first
 
 
 @dataclass(frozen=True)
-class AlignmentConfig:
+class AlignmentConfig(Settings):
     """How well the rough start is told by each of its sources."""
 
-    seconds: float = 2.0  # that are looked at
-    size_sigma: float = 0.12  # of an object's height, as a share
-    nearer_m: float = 1.5  # a box's height is that of parts that are so much nearer than the centre
-    depth_sigma: float = 0.07  # of one box's height against its object's others, as a share
-    centre_sigma_m: float = 0.3  # of a box's middle against the object's
-    road_sigma_m: float = 0.15
-    road_slope_sigma: float = 0.03  # more for every metre away from the camera
-    tilt_sigma_rad: float = 0.3  # of the mean specific force against gravity: acceleration, a third of g in a bend
-    slip_sigma_m_s: float = 0.4  # of the velocity across the camera's axis, for a camera that rides on a road
-    camera_tilt_sigma_rad: float = 0.05  # of such a camera's axes against the horizon
-    acceleration_sigma_m_s2: float = 0.8  # along its axis, over all of the time
-    speed_sigma_m_s: float = 20.0
-    kernel: float = 2.0  # Geman and McClure's threshold, in sigmas: cars that drive are among the objects
+    seconds: float = expert(2.0, above=0, unit="s")  # that are looked at
+    size_sigma: float = expert(0.12, above=0)  # of an object's height, as a share
+    nearer_m: float = expert(1.5, low=0)  # a box's height is that of parts that are so much nearer than the centre
+    depth_sigma: float = expert(0.07, above=0)  # of one box's height against its object's others, as a share
+    centre_sigma_m: float = expert(0.3, above=0)  # of a box's middle against the object's
+    road_sigma_m: float = expert(0.15, above=0)
+    road_slope_sigma: float = expert(0.03, low=0)  # more for every metre away from the camera
+    tilt_sigma_rad: float = expert(0.3, above=0)  # of the mean specific force against gravity: a third of g in a bend
+    slip_sigma_m_s: float = expert(0.4, above=0)  # of the velocity across the axis of a camera that rides on a road
+    camera_tilt_sigma_rad: float = expert(0.05, above=0)  # of such a camera's axes against the horizon
+    acceleration_sigma_m_s2: float = expert(0.8, above=0)  # along its axis, over all of the time
+    speed_sigma_m_s: float = expert(20.0, above=0)
+    kernel: float = expert(2.0, above=0)  # Geman and McClure's threshold, in sigmas: some of the objects drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +43,29 @@ class CameraMotion:
     """A camera before gravity and velocity are known, in the first IMU's frame: centre = W v + g t^2 / 2 + offset.
 
     By an IMU W is t I, and the IMU's velocity there is v + g t + gain. By images alone it is W v = v_x w, w being the
-    way in units of the speed, and gravity does not act.
+    displacement in units of the speed, and gravity does not act.
     """
 
     time_s: float  # since the first
     rotation: Floats  # (3, 3), first imu from camera
     offset_m: Floats  # (3,)
     gain_m_s: Floats | None  # (3,); None by images alone
-    way_s: Floats | None = None  # (3,), by images alone
+    displacement_s: Floats | None = None  # (3,), by images alone
 
     def by_velocity(self) -> Floats:
         """W (3, 3)."""
-        return self.time_s * np.eye(3) if self.way_s is None else np.outer(self.way_s, [1.0, 0.0, 0.0])
+        return (
+            self.time_s * np.eye(3) if self.displacement_s is None else np.outer(self.displacement_s, [1.0, 0.0, 0.0])
+        )
 
     def by_gravity(self) -> float:
         """How far gravity of one m/s2 takes it."""
-        return 0.5 * self.time_s**2 if self.way_s is None else 0.0
+        return 0.5 * self.time_s**2 if self.displacement_s is None else 0.0
 
 
 @dataclass(frozen=True)
 class BoxObservation:
-    """A whole box of a tracked object."""
+    """The box of a tracked object that is not cut by the image's edge."""
 
     track: int
     frame: int  # index
@@ -114,7 +117,7 @@ def align(
         for i in range(len(tracks)):
             rows.add({9 + 4 * i: np.eye(1) / config.size_sigma}, np.ones(1) / config.size_sigma)
         blocks = [
-            _sight_rows(s, motions[s.frame], tracks.index(s.track), camera, down, height_above_ground_m, config)
+            _observation_rows(s, motions[s.frame], tracks.index(s.track), camera, down, height_above_ground_m, config)
             for s in observations
         ]
         for weight, (columns, right) in zip(weights, blocks, strict=True):
@@ -152,7 +155,7 @@ class _Rows:
         return found
 
 
-def _sight_rows(
+def _observation_rows(
     observation: BoxObservation,
     motion: CameraMotion,
     number: int,
@@ -203,6 +206,6 @@ def _road_vehicle_rows(
 
 
 def _robust(columns: dict[int, Floats], right: Floats, x: Floats, kernel: float) -> float:
-    """Geman and McClure's weight of a sight at a solution."""
+    """Geman and McClure's weight of a box observation at a solution."""
     residual = sum((block @ x[at : at + block.shape[1]] for at, block in columns.items()), -right)
     return float(geman_mcclure_soft(float(residual @ residual), kernel**2) ** -2)

@@ -86,7 +86,7 @@ def descend(start: Pose, value_of: Value, scale: Floats, iterations: int) -> lis
 
 
 def descend_camera(start: Pose, losses: Sequence[CameraLoss], iterations: int) -> list[Pose]:
-    """A camera's poses on the way down the sum of its views' losses; only the start where it has none."""
+    """A camera's poses after 0, 1, ... descent steps on the sum of its observations' losses; the start if none."""
     if not losses:
         return [start]
     depth = float(np.median([max(_depth_m(start, loss.thing.world_from_object), 2.0) for loss in losses]))
@@ -111,7 +111,7 @@ def _depth_m(world_from_camera: Pose, world_from_object: Pose) -> float:
 def camera_loss(
     masks: FrameMasks, detection: Detection, thing: KnownObject, keypoint_names: Sequence[str], weight: float
 ) -> CameraLoss:
-    """The loss of one detection of a known object; without its mask where another detection comes near."""
+    """The loss of one detection of a known object; without its mask where another detection is near."""
     order = keypoint_order(keypoint_names, thing.keypoint_names)
     index, pixels, sigma = keypoints_of(detection, order, ObjectConfig())
     placed = thing.keypoints[index] if len(index) else np.zeros((0, 3))
@@ -132,7 +132,7 @@ class GradientEstimator:
     estimation: EstimationConfig
     config: LocalizationConfig
     path: dict[int, Pose] = field(default_factory=dict)
-    moved: dict[int, int] = field(default_factory=dict)  # this mode does not look for any
+    moved: dict[int, int] = field(default_factory=dict)  # this solver finds none
     steps: dict[int, list[Pose]] = field(default_factory=dict)  # by frame: the pose after each iteration
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:

@@ -26,7 +26,7 @@ from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
 from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-localizer-2"
+FORMAT = "meshslam-localizer-3"
 NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
@@ -67,8 +67,8 @@ class _DefaultSettings:
 class LocalizerState:
     """Where the camera is.
 
-    Pose, velocity and covariance are None while the localizer has not started: without a given start it looks at the
-    first seconds, finds them in the map, and goes through them at once.
+    Pose, velocity and covariance are None while the localizer has not started: without a given start it collects the
+    first seconds, finds the start in the map, and then processes them at once.
     """
 
     frame: int
@@ -163,8 +163,8 @@ class Localizer:
     def save(self, path: Path | str) -> None:
         """Write the newest state with its joint covariance, and which objects moved (.npz).
 
-        The smoothing of the last seconds ends here; what they say of the newest state is kept. It goes on here, and
-        where it is loaded, in the same way. SequenceError before it has started.
+        The smoothing of the last seconds ends here; what they say of the newest state is kept. It continues here, and
+        where it is loaded, with the same results. SequenceError before it has started.
         """
         if self._estimator is None:
             raise SequenceError("nothing to save: no frame was processed yet, or localization has not started")

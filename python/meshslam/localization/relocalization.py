@@ -171,7 +171,7 @@ def _compared(
     keypoint_names: Mapping[str, tuple[str, ...]],
     config: LocalizationConfig,
 ) -> tuple[Pose, float]:
-    """The candidate after a fit to each look in turn, and how well it explains the views."""
+    """The candidate after a fit to each start frame in turn, and how well it explains the observations."""
     pose, score = map_from_levelled, 0.0
     noise = config.noise.model()
     forgiving = replace(config.association, min_iou=config.association.min_iou_same_id)

@@ -55,10 +55,10 @@ SOLVERS: dict[str, Callable[..., PathEstimator]] = {"smoother": LocalizationEsti
 
 @dataclass(frozen=True, eq=False)
 class Localization:
-    """The camera's path in a map, and how it came about."""
+    """The camera's path in a map, with the paths that it is compared to."""
 
     world_from_camera: tuple[Pose, ...]  # after smoothing
-    filtered: tuple[Pose, ...]  # as each was known when its frame came
+    filtered: tuple[Pose, ...]  # as each was estimated when its frame was processed
     inertial: tuple[Pose, ...]  # by the IMU alone
     detections: DetectionSet  # with the map's ids
     moved: dict[int, int]  # objects that were moved since, and the frame that showed it

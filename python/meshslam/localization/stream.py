@@ -1,4 +1,4 @@
-"""Frames and IMU samples as a stream brings them."""
+"""Bookkeeping of a stream of frames and IMU samples."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from meshslam.sequences import ImuSamples
 
 @dataclass
 class Stream:
-    """Time goes on from frame to frame; samples are held as long as they are needed."""
+    """Checks that times increase from frame to frame, and holds samples as long as they are needed."""
 
     imu: ImuBuffer = field(default_factory=ImuBuffer)
     last_s: float | None = None  # time of the newest frame
     next_number: int = 0
 
     def take(self, number: int, time_s: float, samples: ImuSamples) -> None:
-        """A new frame, and the samples that came with it; SequenceError if time does not go on."""
+        """Add a frame and its samples; SequenceError if its time is not after the last one's."""
         if self.last_s is not None and not time_s > self.last_s:
             raise SequenceError(f"frame {number}: its time {time_s:.6f} s is not after {self.last_s:.6f} s")
         self.imu.add(samples)

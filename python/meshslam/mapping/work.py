@@ -1,4 +1,4 @@
-"""An object on its way into the map, and the passes that it goes through."""
+"""Objects in progress, and the passes of mapping that refine them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Progress = Callable[[str, int, int], None]  # what is done, how many are done, o
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """An object on its way into the map."""
+    """An object in progress: its observations, and its estimate so far."""
 
     observed: TrackObservations
     found: Reconstruction
@@ -105,7 +105,7 @@ def next_pass(work: Work, scene: Scene, earlier: Occluders, occluders: Occluders
 
 
 def fit_again(work: Work, scene: Scene) -> Work:
-    """Fit with the noise known: from where the first fit ended, and anew from its place both ways round."""
+    """Fit with the noise known: from the first fit's end, and anew from its place, in both headings."""
     observed = with_surface_error(work.observed, scene, work.found.state)
     pose = work.found.state.world_from_object
     candidates = [refit(observed, scene, work.found), *fit_modes(observed, scene, [pose, flipped(pose)])]

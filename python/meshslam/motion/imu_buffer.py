@@ -1,4 +1,4 @@
-"""IMU samples of a stream, as they come."""
+"""The newest IMU samples of a stream."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ImuBuffer:
         self.samples = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))) if samples is None else samples
 
     def add(self, more: ImuSamples) -> ImuSamples:
-        """Take in samples, and return all that are held; those that came before are passed over."""
+        """Add samples, and return all that are held; samples older than the newest held one are ignored."""
         held = self.samples
         if not len(held.times_s):
             self.samples = more

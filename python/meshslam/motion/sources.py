@@ -1,4 +1,4 @@
-"""What ties a frame to the last one: IMU samples, the recording's poses as odometry, or its images alone."""
+"""Motion sources: IMU samples, known poses as odometry, or images alone predict each frame from the last one."""
 
 from __future__ import annotations
 
@@ -138,8 +138,8 @@ class ImageMotion:
         del imu
         period_s, speed = time_s - last.time_s, float(np.linalg.norm(last.velocity_in_world))
         if self._before is not None and index > 1:
-            way = last.world_from_imu.translation - self._before.world_from_imu.translation
-            speed = float(np.linalg.norm(way)) / (last.time_s - self._before.time_s)
+            moved = last.world_from_imu.translation - self._before.world_from_imu.translation
+            speed = float(np.linalg.norm(moved)) / (last.time_s - self._before.time_s)
         self._before = last
         seen = two_views(self.image_features.matches(index), self.camera)
         step = Pose(seen.rotation, seen.translation * speed * period_s)

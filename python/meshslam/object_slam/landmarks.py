@@ -36,7 +36,7 @@ class Landmark:
 
 
 def scale_direction(category: Category) -> Floats:
-    """Modes (M,), of unit length, that come nearest to making the mean shape larger as a whole."""
+    """Scale direction of the shape space: modes (M,), of unit length, nearest to a uniform scaling of the mean."""
     modes = category.modes.reshape(len(category.modes), -1).T
     found = np.linalg.lstsq(modes, category.vertices.ravel(), rcond=None)[0]
     length = float(np.linalg.norm(found))
@@ -72,7 +72,7 @@ def find_loop_closure(
     if not seen or not known:
         return None
     travelled = [at.distance_m - max(mark.last_distance_m, at.closed_at_m) for mark in known]
-    radii = [min(config.radius_m + config.drift_share * way, config.max_radius_m) for way in travelled]
+    radii = [min(config.radius_m + config.drift_share * distance, config.max_radius_m) for distance in travelled]
     return match_landmarks(seen, [mark.placed(at.map_from_odometry) for mark in known], radii, config)
 
 

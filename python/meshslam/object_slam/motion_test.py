@@ -1,4 +1,4 @@
-"""Whether an object moves: from the linearized views of all its life, no picture needed."""
+"""The motion test: whether an object moves, from all of its linearized observations, without its images."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from meshslam.geometry import Floats
 
 @dataclass(frozen=True, eq=False)
 class LinearView:
-    """A view's residual r + J (translation, rotation, modes), steps in the object's frame from where it is now."""
+    """An observation's residual r + J (translation, rotation, modes); steps are in the object's frame."""
 
     time_s: float
     jacobian: Floats  # (n, 6 + modes)
@@ -20,10 +20,10 @@ class LinearView:
 
 
 def fit_velocity(views: Sequence[LinearView], world_from_object: Floats, z: Floats) -> tuple[Floats, float]:
-    """Velocity (3,) in the world, m/s, that explains the views best, and by how much the cost falls with it.
+    """Velocity (3,) in the world, m/s, that explains the observations best, and by how much the cost falls with it.
 
     `world_from_object` (3, 3) is a rotation. Pose and modes are free both times, the modes with their prior N(0, I):
-    a car that comes nearer by itself looks like a smaller one that stands, but for that prior.
+    without that prior a car that drives nearer could not be told from a smaller one that stands.
     """
     middle = float(np.mean([view.time_s for view in views]))
     rows, right = [_prior(len(z))], [-z]

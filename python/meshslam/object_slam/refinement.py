@@ -37,7 +37,7 @@ def refined_mapping(
     fixed_tracks: bool,
     progress: Callable[[str, int, int], None] | None,
 ) -> tuple[ObjectMapping, tuple[str, ...]]:
-    """The map, and what a user should know of how it came about."""
+    """The map, and notes for the user on how it was made."""
     frames = CameraPath(
         setup.camera, tuple(frame_ids), path.times_s, path.world_from_camera, setup.height_above_ground_m
     )

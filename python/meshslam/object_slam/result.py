@@ -14,8 +14,8 @@ from meshslam.perception import DetectionSet
 class SlamState:
     """What is known when a frame was taken in.
 
-    `world_from_camera` is None while SLAM has not started: without a given start it looks at the first seconds, which
-    it then goes through at once.
+    `world_from_camera` is None while SLAM has not started: without a given start it collects the first seconds, finds
+    the start from them, and then processes them at once.
     """
 
     frame: int
@@ -38,11 +38,12 @@ class SlamResult:
     """Trajectory and map of a run, smoothed as a whole."""
 
     trajectory: Trajectory
-    filtered: tuple[Pose, ...]  # world_from_camera as each was known when its frame came
+    filtered: tuple[Pose, ...]  # world_from_camera as each was estimated when its frame was processed
     mapping: ObjectMapping  # the map, what was left out and why
     detections: DetectionSet  # tracks that show one object are one
     figures: dict[str, float]
     notes: tuple[str, ...] = ()
+    refinement_s: float = 0.0  # what fitting the map along the smoothed path took
     world_from_graph: Pose = field(default_factory=Pose.identity)  # the result's world from the graph's
     alone: tuple[Pose, ...] = ()  # the path without objects: by IMU or odometry; empty by images alone
     alone_by: str = ""  # its name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -90,11 +91,13 @@ def _by_gradient(
         paths = joint_descent(sequence, along.detections, first, along.map, weight, count, progress)
     world = _world(sequence, settings, paths[-1][0])
     moved = tuple(moved_path(path, world) for path in paths)
+    began_s = time.perf_counter()
     mapping = mapped(moved[-1], along.detections)
+    refinement_s = time.perf_counter() - began_s
     figures: dict[str, float] = {"objects_in_graph": len(along.map), "iterations": len(paths) - 1}
     notes = ("map: the objects were fitted once more along the path that the joint descent ended with",)
     trajectory, found = Trajectory(sequence.times_s, moved[-1]), mapping.detections
-    return SlamResult(trajectory, moved[-1], mapping, found, figures, notes, world, moved[0], name, moved)
+    return SlamResult(trajectory, moved[-1], mapping, found, figures, notes, refinement_s, world, moved[0], name, moved)
 
 
 _SOLVERS = {"smoother": _by_smoother, "gradient": _by_gradient}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -47,7 +48,7 @@ from meshslam.perception import (
 )
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-2"
+FORMAT = "meshslam-slam-3"
 Progress = Callable[[str, int, int], None]
 
 
@@ -97,7 +98,7 @@ class _DefaultSettings:
 class Slam:
     """The camera among objects that are not known before, frame by frame.
 
-    The camera is moved by an IMU (`imu_from_camera`), by poses that come with the frames (`by_odometry`), or by the
+    The camera is moved by an IMU (`imu_from_camera`), by poses given with the frames (`by_odometry`), or by the
     images alone. Frames bring images, detections, or both; images are undistorted, BGR (h, w, 3). With images the
     network `segmenter` finds the objects, the shipped one their key points, and a tracker follows them; point tracks
     and the road measure the camera's motion.
@@ -268,15 +269,17 @@ class Slam:
         found = self._detection_set() if detections is None else detections
         found = found.with_tracks({d.id: one[d.track_id] for d in found.detections if d.track_id in one})
         starts = starts_of(estimator.landmarks, full.world_from_object, one, world)
+        began_s = time.perf_counter()
         mapping, notes = refined_mapping(
             self._setup, estimator.frame_ids, path, found, starts, fixed_tracks=fixed_tracks, progress=progress
         )
+        refinement_s = time.perf_counter() - began_s
         filtered = tuple(world @ pose for pose in self._filtered)
         figures = self._figures(estimator, {new for new, _ in full.joined})
-        return SlamResult(path, filtered, mapping, mapping.detections, figures, notes, world)
+        return SlamResult(path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world)
 
     def save(self, path: Path | str) -> None:
-        """Write the whole run (.npz): it goes on here, and where it is loaded, in the same way.
+        """Write the run (.npz): it continues here, and where it is loaded, with the same results.
 
         Observations are linear from here on, and what they were made of is let go. SequenceError before it has started.
         """

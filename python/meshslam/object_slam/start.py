@@ -39,7 +39,7 @@ class StreamFrame:
 
 @dataclass(frozen=True, eq=False)
 class FirstSeconds:
-    """What came before SLAM has started."""
+    """Frames and samples that were taken in before SLAM has started."""
 
     setup: SlamSetup
     given: InitialState | None
@@ -55,7 +55,7 @@ class FirstSeconds:
         return len(self.imu.times_s) > 0
 
     def suffice(self) -> bool:
-        """Whether enough frames came to start."""
+        """Whether there are enough frames to start."""
         if self.odometry:
             return len(self.frames) >= _ODOMETRY_FRAMES
         if self.given is not None and self.has_imu:

@@ -7,7 +7,7 @@ import numpy as np
 from meshslam.geometry import Floats, Pose
 from meshslam.objects.track import Track
 
-_FLOOR = 0.01  # share of a distribution that is spread evenly: no network is surer than that
+_FLOOR = 0.01  # share of a distribution that is spread evenly: no network is more certain than that
 _INDEPENDENT_VIEWS = 4.0  # at most: the views of one car err alike
 
 

@@ -28,7 +28,7 @@ _NEAREST_M = 1.0  # depth of an object's centre below which its image says no mo
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """What an object turned out to be, with the stages on the way."""
+    """The estimate of an object, with its intermediate stages."""
 
     start: ObjectState  # the mean mesh at its first estimate
     posed: ObjectState  # the mean mesh after the pose step
@@ -40,7 +40,7 @@ class Reconstruction:
 
 @dataclass(frozen=True, eq=False)
 class TrackObservations:
-    """A track with its views, and the few of them that the search of the start looks at."""
+    """A track with its observations, and the few of them that the search of the start uses."""
 
     track: Track
     views: list[View]
@@ -103,9 +103,9 @@ def _search_headings(observed: TrackObservations, scene: Scene, position: Floats
 
 
 def reconstruct(observed: TrackObservations, scene: Scene, start: Pose | None = None) -> Reconstruction:
-    """Start, pose, modes; the best start and another, both ways round, are carried as far as they may win.
+    """Start, pose, modes: the best start and another, each also turned by half a turn, are refined while they may win.
 
-    A start that is known is the only one, both ways round.
+    A start that is known is the only one; it is tried turned by half a turn, too.
     """
     starts = [pose for _, pose in find_start(observed, scene)] if start is None else [start]
     best = starts[0]

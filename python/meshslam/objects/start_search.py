@@ -23,9 +23,9 @@ def triangulate_keypoints(
         for k, pixel, sigma in zip(*keypoints_of(detection, order, config), strict=True):
             seen.setdefault(int(k), []).append((pose, pixel, float(sigma)))
     found = {}
-    for k, sights in sorted(seen.items()):
-        poses, pixels, sigmas = zip(*sights, strict=True)
-        point = triangulate(camera, poses, np.array(pixels), np.array(sigmas)) if len(sights) > 1 else None
+    for k, rays in sorted(seen.items()):
+        poses, pixels, sigmas = zip(*rays, strict=True)
+        point = triangulate(camera, poses, np.array(pixels), np.array(sigmas)) if len(rays) > 1 else None
         if point is not None and np.sqrt(np.linalg.eigvalsh(point[1])[-1]) < 1.0:
             found[k] = point
     return found

@@ -11,6 +11,7 @@ from meshslam.maps import Map, RunDirectory, Trajectory
 from meshslam.perception import write_detections
 from meshslam.runs import stages
 from meshslam.runs.config import Config
+from meshslam.runs.judging import judge_recording, say
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import perceive
@@ -27,7 +28,9 @@ def localize_recording(
     clock: stages.Clock,
     run: RunDirectory | None = None,
 ) -> Localization:
-    """Perceive, localize."""
+    """Judge, perceive, localize."""
+    recording, findings = judge_recording(recording, poses=False, imu=True)
+    say(findings, outlet)
     with clock.timing("perception"):
         found = perceive(recording, settings, outlet, run).detections
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, found):
@@ -42,7 +45,7 @@ def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
     scene = Map.load(Path(settings.input.map))
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("localize", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     clock = stages.Clock()

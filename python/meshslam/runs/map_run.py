@@ -12,6 +12,7 @@ from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory
 from meshslam.perception import DetectionSet
 from meshslam.runs import stages
 from meshslam.runs.config import Config
+from meshslam.runs.judging import judge_recording, judge_tracks, say
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report
@@ -52,10 +53,15 @@ class Mapped:
 def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: RunDirectory | None = None) -> Mapped:
     """Perceive, track, place the camera, map."""
     clock, category = stages.Clock(), load_category(settings.input.category)
+    # What cannot be right ends the run before the first image is looked at
+    stages.need_poses(recording)
+    recording, findings = judge_recording(recording, poses=True, imu=False)
+    say(findings, outlet)
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run)
     with clock.timing("tracking"):
         tracked = follow(recording, seen.detections, settings, outlet)
+    say(judge_tracks(recording, tracked), outlet)
     with clock.timing("mapping"):
         frames = stages.camera_path(recording, tracked, settings, outlet)
         mapping = map_objects(
@@ -72,7 +78,7 @@ def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: Ru
 
 def run_map(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("map", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     made = map_recording(recording, settings, outlet, run)

@@ -1,4 +1,4 @@
-"""What of a recording a run can live with, but its user should know: gaps of the IMU, long ways without objects."""
+"""What a run can handle but its user should know: gaps of the IMU, long stretches without objects."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def imu_notes(sequence: Sequence, config: ImuConfig) -> list[str]:
         if end_s - begin_s > longest_s:
             frames = int(((sequence.times_s > begin_s) & (sequence.times_s <= end_s)).sum())
             found.append(
-                f"{root}: no IMU samples from {begin_s:.2f} s to {end_s:.2f} s ({frames} frames): what is "
-                "seen tells the way there, and where little is seen it is poor"
+                f"{root}: no IMU samples from {begin_s:.2f} s to {end_s:.2f} s ({frames} frames): there "
+                "the path follows from detections and images alone, and is poor where these are few"
             )
     return found
 

@@ -11,6 +11,7 @@ from meshslam.maps import CameraPath, RunDirectory
 from meshslam.object_slam import SlamResult, slam_sequence
 from meshslam.runs import stages
 from meshslam.runs.config import Config
+from meshslam.runs.judging import judge_recording, say
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
@@ -23,19 +24,22 @@ def slam_recording(
     recording: Sequence, settings: Config, outlet: Outlet, clock: stages.Clock, run: RunDirectory | None = None
 ) -> SlamResult:
     """Perceive, track, estimate path and objects together."""
-    category = load_category(settings.input.category)
+    category, by_odometry = load_category(settings.input.category), settings.slam.poses == "odometry"
+    recording, findings = judge_recording(recording, poses=by_odometry, imu=not by_odometry)
+    say(findings, outlet)
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run)
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, seen.detections):
         outlet.note(note)
     with clock.timing("tracking"):
         # known poses beyond the first are not for SLAM, unless they are its odometry
-        blind = recording if settings.slam.poses == "odometry" else replace(recording, world_from_camera=None)
+        blind = recording if by_odometry else replace(recording, world_from_camera=None)
         tracked = follow(blind, seen.detections, settings, outlet)
     with clock.timing("localization"):
         result = slam_sequence(
             recording, tracked, category, settings, outlet.progress, fixed_tracks=seen.has_given_tracks
         )
+    clock.move("localization", "mapping", result.refinement_s)
     for note in result.notes:
         outlet.note(note)
     return result
@@ -43,7 +47,7 @@ def slam_recording(
 
 def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("slam", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     clock = stages.Clock()

@@ -15,6 +15,7 @@ import numpy as np
 
 from meshslam.errors import SequenceError
 from meshslam.features import correct_rotations
+from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import DetectionSet, write_detections
@@ -39,6 +40,11 @@ class Clock:
         finally:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
+    def move(self, from_stage: str, to_stage: str, seconds: float) -> None:
+        """Count a part of one stage's time as another's."""
+        self.seconds[from_stage] = self.seconds.get(from_stage, 0.0) - seconds
+        self.seconds[to_stage] = self.seconds.get(to_stage, 0.0) + seconds
+
 
 def open_input(chosen: InputConfig) -> Sequence:
     """Open the recording that a run reads."""
@@ -48,28 +54,35 @@ def open_input(chosen: InputConfig) -> Sequence:
     return open_sequence(*given, imu=chosen.imu, imu_from_camera=chosen.imu_from_camera)
 
 
-def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
-    """Open recording and run directory; also the run's figures, if it is there whole already."""
+def begin(
+    command: str, settings: Config, out: Path, *, overwrite: bool
+) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
+    """Open recording and run directory of a command; also the run's figures, if it is there whole already."""
     recording = open_input(settings.input)
-    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
+    run = RunDirectory.start(out, to_yaml(settings, command), version("meshslam"), overwrite=overwrite)
     if not (run.has("metrics.json") and run.has("report.html")):
         return recording, run, None
     done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
     return recording, run, done
 
 
-def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
-    """The camera at each frame; where there are images, with rotations that agree with them."""
+def need_poses(recording: Sequence) -> tuple[Pose, ...]:
+    """The known poses; SequenceError where there are none."""
     if recording.world_from_camera is None:
         raise SequenceError(
             f"{recording.root}: mapping needs the camera's poses: poses.tum in a sequence folder, "
-            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry"
+            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry; without poses `meshslam slam` finds path and objects"
         )
+    return recording.world_from_camera
+
+
+def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
+    """The camera at each frame; where there are images, with rotations that agree with them."""
     frames = CameraPath(
         recording.camera,
         recording.frame_ids,
         recording.times_s,
-        recording.world_from_camera,
+        need_poses(recording),
         recording.height_above_ground_m,
     )
     if recording.image_paths is None or not config.rotations.enabled:

@@ -13,7 +13,7 @@ import numpy as np
 from meshslam.categories import KEYPOINT_NAMES, Category
 from meshslam.geometry import Floats, Ints
 from meshslam.simulation.cars import ProceduralCar, make_cars
-from meshslam.simulation.look import StartFrame, draw_look
+from meshslam.simulation.look import Look, draw_look
 from meshslam.simulation.materials import surface
 
 UPRIGHT_REAR_M = 0.8  # a roof that ends so near to the tail makes it a hatch, an estate or a van
@@ -48,7 +48,7 @@ class CarSkin:
     """Paint, glass, lamps, wheels of a procedural car."""
 
     car: ProceduralCar
-    look: StartFrame
+    look: Look
 
     @property
     def paint_bgr(self) -> Floats:

@@ -23,7 +23,7 @@ _PAINTS_BGR = (  # with the shares of cars on the road: white, black, greys, sil
 
 
 @dataclass(frozen=True, eq=False)
-class StartFrame:
+class Look:
     """Looks of one car. Lengths in metres, colours BGR from 0 to 1, heights as shares of the car's where said."""
 
     paint: Floats
@@ -85,7 +85,7 @@ class StartFrame:
     phase: Floats  # (8,) seeds of small patterns
 
 
-def draw_look(rng: np.random.Generator, upright: bool) -> StartFrame:
+def draw_look(rng: np.random.Generator, upright: bool) -> Look:
     """Draw looks; `upright` rear ends (hatches, estates, vans) mostly carry upright lamps."""
     shares = np.array([share for share, _ in _PAINTS_BGR])
     paint = np.array(_PAINTS_BGR[int(rng.choice(len(shares), p=shares / shares.sum()))][1])
@@ -96,7 +96,7 @@ def draw_look(rng: np.random.Generator, upright: bool) -> StartFrame:
     red = np.array([rng.uniform(0.02, 0.15), rng.uniform(0.02, 0.12), rng.uniform(0.2, 0.8)])
     clear = np.array([[0.75, 0.78, 0.8], [0.15, 0.4, 0.8], red * 0.5, [0.5, 0.5, 0.7]])[rng.integers(4)]
     plate = np.array([[0.85, 0.86, 0.86], [0.80, 0.82, 0.83], [0.2, 0.7, 0.85], [0.6, 0.35, 0.15]])
-    return StartFrame(
+    return Look(
         paint=paint,
         roof=dark if rng.random() < 0.08 else paint,
         trim=dark if rng.random() < 0.6 else paint,

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshslam.categories import CarShape
 from meshslam.geometry import Bools, Floats
-from meshslam.simulation.look import StartFrame
+from meshslam.simulation.look import Look
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class _Points:
         return np.abs(self.y)
 
 
-def surface(car: CarShape, look: StartFrame, points: Floats, normals: Floats) -> Surface:
+def surface(car: CarShape, look: Look, points: Floats, normals: Floats) -> Surface:
     """Paint points (n, 3) with normals (n, 3), both in the car's frame."""
     x, y, z = points.T
     p = _Points(
@@ -63,7 +63,7 @@ def _box(a: Floats, b: Floats, half_a: Floats | float, half_b: Floats | float, p
     return inside
 
 
-def _seams(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> None:
+def _seams(car: CarShape, look: Look, p: _Points, colour: Floats) -> None:
     """Gaps of doors and lids, handles, the sill's crease."""
     belt = car.belt_height - car.belt_rise * p.x
     cowl = car.wheelbase / 2 - car.cowl_from_axle
@@ -82,7 +82,7 @@ def _seams(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> None:
     colour[lid & (np.abs(p.share - 0.42) < 0.008)] *= 0.45
 
 
-def _plastic(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> Bools:
+def _plastic(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
     """Black lower edges, underbody, roof rails."""
     ends = (p.x > car.front - 0.45) | (p.x < car.rear + 0.45)
     low = (ends & (p.share < look.bumper_below)) | (p.share < look.cladding_below)
@@ -98,7 +98,7 @@ def _plastic(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> Boo
     return merged
 
 
-def _glass(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> Bools:
+def _glass(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
     """Windshield, side panes, rear window, what is behind them; returns where the glass is."""
     cowl = car.wheelbase / 2 - car.cowl_from_axle
     top = car.height - 0.085
@@ -142,7 +142,7 @@ def _glass(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> Bools
     return glass
 
 
-def _front(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: Bools) -> None:
+def _front(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
     """Grille, intake, lamps."""
     h, w = car.height, car.width / 2
     face = (p.nx > 0.25) & (p.x > car.front - 0.8) & ~glass
@@ -169,7 +169,7 @@ def _front(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: B
     _head_lamps(car, look, p, colour, glass)
 
 
-def _head_lamps(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: Bools) -> None:
+def _head_lamps(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
     h, w = car.height, car.width / 2
     along = p.out + 0.5 * np.maximum(car.front - 0.12 - p.x, 0) - look.head_at[0] * w
     up = p.z - look.head_at[1] * h - look.head_slant * 0.35 * along
@@ -187,7 +187,7 @@ def _head_lamps(car: CarShape, look: StartFrame, p: _Points, colour: Floats, gla
         colour[lamp & (along > 0.5 * look.head_size[0])] = [0.12, 0.40, 0.80]
 
 
-def _rear(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: Bools) -> None:
+def _rear(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
     """Lamps, reflectors, exhaust, diffuser."""
     h, w = car.height, car.width / 2
     near = (p.x < car.rear + 0.12 + look.tail_reach) & ((p.nx < -0.1) | (p.ny > 0.3)) & ~glass & (p.nz < 0.92)
@@ -223,7 +223,7 @@ def _rim(along: Floats, up: Floats, w: float, wide: float, high: float) -> Bools
     return _box(along - w + 0.9 * wide, up, wide + 0.015, high + 0.015)
 
 
-def _plates(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: Bools) -> None:
+def _plates(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
     """Number plates with their characters, and the dark recess of the one at the rear."""
     half_y, half_z = look.plate_size
     text = (np.sin(p.y * 85 + look.phase[1]) + np.sin(p.y * 47 + look.phase[2]) > 0.35) & (p.out < 0.85 * half_y)
@@ -242,7 +242,7 @@ def _plates(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: 
             colour[plate & text & (np.abs(gap) < 0.6 * half_z)] = 0.05
 
 
-def _mirrors(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass: Bools) -> None:
+def _mirrors(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
     """The mirrors: painted ahead, dark where the driver looks."""
     tip = car.mirror_tip
     cone = (p.out > p.half + 0.03) & (np.hypot(p.x - tip[0], p.z - tip[2]) < 0.3) & (p.share > 0.5)
@@ -251,7 +251,7 @@ def _mirrors(car: CarShape, look: StartFrame, p: _Points, colour: Floats, glass:
     glass &= ~cone
 
 
-def _wheels(car: CarShape, look: StartFrame, p: _Points, colour: Floats) -> Bools:
+def _wheels(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
     """Arches, tyres and rims; returns where they are."""
     hub = np.where(p.x > 0, car.wheelbase / 2, -car.wheelbase / 2)
     dx, dz = p.x - hub, p.z - car.tyre_radius

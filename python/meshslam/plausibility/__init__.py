@@ -1,0 +1,29 @@
+"""Judgements of what is read: pure functions from data to findings with figures."""
+
+from meshslam.plausibility.camera import judge_camera
+from meshslam.plausibility.finding import Finding, Severity, errors, notes, raise_errors
+from meshslam.plausibility.imu import CleanImu, clean_imu, judge_imu
+from meshslam.plausibility.mounting import judge_mounting
+from meshslam.plausibility.poses import CONVENTIONS, in_convention, judge_poses
+from meshslam.plausibility.scale import judge_scale
+from meshslam.plausibility.times import FRAME_STEP_S, SAMPLE_STEP_S, judge_times
+
+__all__ = [
+    "CONVENTIONS",
+    "FRAME_STEP_S",
+    "SAMPLE_STEP_S",
+    "CleanImu",
+    "Finding",
+    "Severity",
+    "clean_imu",
+    "errors",
+    "in_convention",
+    "judge_camera",
+    "judge_imu",
+    "judge_mounting",
+    "judge_poses",
+    "judge_scale",
+    "judge_times",
+    "notes",
+    "raise_errors",
+]
