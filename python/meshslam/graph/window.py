@@ -117,15 +117,12 @@ class Window:
         if not keys:
             return {}
         linear = self._graph(self.entries).linearize(self.values)
-        found_order = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(keys))
-        every = [found_order.at(index) for index in range(found_order.size())]
-        ordering = gtsam.Ordering()  # a variable on its own may come after the constrained ones: they are put last here
-        for key in [*(k for k in every if k not in keys), *keys]:
-            ordering.push_back(key)
+        ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(keys))
         net = linear.eliminateSequential(ordering, gtsam.EliminateQR)
-        last = gtsam.GaussianBayesNet()
-        for index in range(net.size() - len(keys), net.size()):
-            last.push_back(net.at(index))
+        last, wanted = gtsam.GaussianBayesNet(), set(keys)
+        for conditional in (net.at(index) for index in range(net.size())):
+            if conditional.keys()[0] in wanted:  # its other keys are wanted ones, too: they come last
+                last.push_back(conditional)
         inverse = np.linalg.pinv(np.asarray(last.matrix()[0]))
         joint, start, found = inverse @ inverse.T, 0, {}
         for index in range(last.size()):
