@@ -34,7 +34,18 @@ class InputConfig(Settings):
 
 @dataclass(frozen=True)
 class Config(Settings):
-    """Everything that decides a run's result: defaults, a YAML file over them, then flags; saved with every run."""
+    """Everything that decides a run's result: defaults, a YAML file over them, then flags; saved with every run.
+
+    Names carry their units, such as `_m` and `_px`. A configuration is not changed, it is copied with other values.
+
+    Example:
+        from dataclasses import replace
+
+        config = meshslam.Config()
+        config = replace(config, mapping=replace(config.mapping, max_distance_m=30.0))
+        meshslam.map_drive("drive", config=config)
+
+    """
 
     input: InputConfig = field(default_factory=InputConfig)
     segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
