@@ -8,8 +8,6 @@ from meshslam.maps import Map
 from tests.cli.conftest import error_of, meshslam
 from tests.perception.networks import other_network
 
-pytestmark = pytest.mark.xdist_group("bad")
-
 
 def replaced(name, pattern, text):
     def change(folder):

@@ -78,7 +78,6 @@ def shapes_said(code):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 @pytest.mark.usefixtures("segmenter_by_colour")
-@pytest.mark.xdist_group("documents")
 def test_code_of_a_page_runs_and_shapes_are_as_it_says(page, folder, tmp_path, monkeypatch):
     text = SKIPPED.sub("```text\n", page.read_text(encoding="utf-8"))
     code = "\n".join(found for language, found in FENCE.findall(text) if language == "python")

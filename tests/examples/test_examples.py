@@ -126,14 +126,12 @@ def street_camera(drive):
     return open_sequence(drive).camera
 
 
-@pytest.mark.xdist_group("own drive")
 def test_programs_take_a_drive_of_ones_own(drives):
     assert figure(run("map_a_drive", drives / "drive"), "recall") == 1.0
     assert "cars in the map: [1, 2]" in run("live_slam", drives / "drive", "--segmenter", "colour")
     assert figure(run("localize_in_a_map", drives / "drive", "--map", drives / "run"), "by the map:") < 0.05
 
 
-@pytest.mark.xdist_group("own drive")
 def test_mask_gradient_takes_a_run_of_ones_own(drives):
     shown = run("mask_gradient", drives / "run")
     assert shown.count("object ") == 2

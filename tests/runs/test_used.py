@@ -25,7 +25,6 @@ from meshslam.simulation import ObserverConfig, StreetConfig, make_street, write
 from tests.perception.networks import colour_network
 from tests.runs.reads import recorded
 
-pytestmark = pytest.mark.xdist_group("used")
 KNOWN = paths_of(Config)
 SMALL = StreetConfig(frames=24, width_px=480, height_px=150, focal_px=280.0, cars_each_side=3)
 QUICK = {  # a short drive: each step is reached
