@@ -11,7 +11,17 @@ import numpy as np
 from meshslam.categories.build import wheel_vertices
 from meshslam.categories.category import Category
 from meshslam.categories.keypoints import mirrored_weights, point_weights
-from meshslam.categories.mesh_files import Axis, NamedMesh, Symmetry, read_keypoints, read_mesh, turned, upright
+from meshslam.categories.mesh_files import (
+    AxisOrAuto,
+    NamedMesh,
+    Symmetry,
+    axes_of,
+    cleaned,
+    read_keypoints,
+    read_mesh,
+    turned,
+    upright,
+)
 from meshslam.categories.mesh_solid import MeshSolid
 from meshslam.categories.modes import principal_modes
 from meshslam.categories.procedural.solid import project
@@ -33,8 +43,8 @@ Note = Callable[[str], None]
 class MeshOptions(Settings):
     """How mesh files are read and what is made of them."""
 
-    forward: Axis = setting("x")
-    up: Axis = setting("z")
+    forward: AxisOrAuto = setting("auto")  # by the file's format
+    up: AxisOrAuto = setting("auto")
     scale: float = setting(1.0, above=0)  # the file's unit in metres
     symmetry: Symmetry = setting("auto")
     modes: int = setting(20, low=0)
@@ -56,11 +66,12 @@ def category_from_meshes(
     if keypoints is not None:
         meshes = read_keypoints(keypoints, meshes, options.scale)
     upright_meshes = []
-    for mesh in meshes:
-        straight, said = upright(turned(mesh, options.forward, options.up), options.symmetry)
+    for path, mesh in zip(paths, meshes, strict=True):
+        forward, up, by_format = axes_of(mesh, path, options.forward, options.up)
+        clean, of_parts = cleaned(mesh, up)
+        straight, of_symmetry = upright(turned(clean, forward, up), options.symmetry)
         upright_meshes.append(straight)
-        if said:
-            notes.append(said)
+        notes += [said for said in (by_format, *of_parts, of_symmetry) if said]
     wrapper = Wrapper(icosphere(3))
     shapes, meshes = wrapped(wrapper, upright_meshes, notes.append)
     sphere = wrapper.sphere

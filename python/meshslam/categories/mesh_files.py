@@ -11,11 +11,14 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from meshslam.categories.gltf_check import SUFFIXES, check_gltf
+from meshslam.categories.mesh_parts import object_count, without_shadow_planes
 from meshslam.categories.mesh_solid import surface_points
 from meshslam.errors import CategoryError
 from meshslam.geometry import Floats, Ints
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+AxisOrAuto = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 Symmetry = Literal["auto", "x", "y"]
 SMALLEST_M, LARGEST_M = 0.05, 60.0  # longest side: beyond it the unit is wrong
 SYMMETRY_SAMPLES = 3000
@@ -42,6 +45,7 @@ def read_mesh(path: Path, scale: float = 1.0) -> NamedMesh:
     """Read any triangle mesh that trimesh knows, with equal vertices joined; CategoryError says what is wrong."""
     if not path.is_file():
         raise CategoryError(f"no mesh file at {path}")
+    check_gltf(path)
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # each of trimesh's readers fails in its own way
@@ -56,9 +60,46 @@ def read_mesh(path: Path, scale: float = 1.0) -> NamedMesh:
     vertices = scale * np.asarray(mesh.vertices, np.float64)
     longest = float(np.ptp(vertices, axis=0).max())
     if not SMALLEST_M <= longest <= LARGEST_M:
-        wanted = f"{SMALLEST_M:g} to {LARGEST_M:g} m expected: --scale takes the file's unit to metres"
+        wanted = f"{SMALLEST_M:g} to {LARGEST_M:g} m expected: --scale takes the file's unit to metres{_unit(longest)}"
         raise CategoryError(f"{path}: its longest side is {longest:.4g} m, {wanted}")
     return NamedMesh(path.stem, vertices, np.asarray(mesh.faces, np.int64), {})
+
+
+def _unit(longest: float) -> str:
+    """What unit a vehicle of that size is likely in."""
+    for name, scale in (("centimetres", 0.01), ("millimetres", 0.001)):
+        if 1.0 <= longest * scale <= 20.0:
+            return f" (for {name} it is {scale:g})"
+    return ""
+
+
+def cleaned(mesh: NamedMesh, up: Axis) -> tuple[NamedMesh, list[str]]:
+    """The mesh without shadow planes, and notes on these and on several objects in one file."""
+    faces, sheets = without_shadow_planes(mesh.vertices, mesh.faces, _direction(up))
+    said = [f"{mesh.name}: {sheets} level sheet under it (a shadow plane) is left out"] if sheets else []
+    if sheets:
+        used, numbered = np.unique(faces, return_inverse=True)
+        mesh = replace(mesh, vertices=mesh.vertices[used], faces=numbered.reshape(-1, 3))
+    count = object_count(mesh.vertices, mesh.faces)
+    if count > 1:
+        said.append(f"{mesh.name}: {count} objects stand apart in this file: a category needs one object a file")
+    return mesh, said
+
+
+def axes_of(mesh: NamedMesh, path: Path, forward: AxisOrAuto, up: AxisOrAuto) -> tuple[Axis, Axis, str | None]:
+    """Forward and up of a file: as given, else by its format, with a note: glTF is y up; all others are x, z."""
+    is_gltf = path.suffix.lower() in SUFFIXES
+    chosen_up: Axis = up if up != "auto" else "y" if is_gltf else "z"
+    if forward != "auto":
+        chosen: Axis = forward
+    elif chosen_up[-1] == "y":
+        length_x, _, length_z = np.ptp(mesh.vertices, axis=0)
+        chosen = "x" if length_x > length_z else "z"
+    else:
+        chosen = "x" if chosen_up[-1] != "x" else "y"
+    if not is_gltf or "auto" not in (forward, up):
+        return chosen, chosen_up, None
+    return chosen, chosen_up, f"{mesh.name}: a glTF file: {chosen_up} is up, {chosen} ahead (--up, --forward)"
 
 
 def read_keypoints(path: Path, meshes: list[NamedMesh], scale: float = 1.0) -> list[NamedMesh]:
@@ -107,8 +148,13 @@ def turned(mesh: NamedMesh, forward: Axis, up: Axis) -> NamedMesh:
     """The mesh with its `forward` and `up` axes laid on x and z; CategoryError if they are one axis."""
     if forward[-1] == up[-1]:
         raise CategoryError(f"forward {forward} and up {up} are one axis: two different ones are needed")
-    x, z = (np.eye(3)["xyz".index(a[-1])] * (-1 if a[0] == "-" else 1) for a in (forward, up))
+    x, z = _direction(forward), _direction(up)
     return mesh.moved(np.array([x, np.cross(z, x), z]), np.zeros(3))
+
+
+def _direction(axis: Axis) -> Floats:
+    unit: Floats = np.eye(3)["xyz".index(axis[-1])] * (-1 if axis[0] == "-" else 1)
+    return unit
 
 
 def centred(mesh: NamedMesh) -> NamedMesh:

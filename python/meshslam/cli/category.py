@@ -10,7 +10,7 @@ import typer
 category_app = typer.Typer(
     help="Categories of objects: list them, look at them, build them from meshes.", no_args_is_help=True
 )
-Axes = Literal["x", "y", "z", "-x", "-y", "-z"]
+Axes = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 Planes = Literal["auto", "x", "y"]
 
 
@@ -39,8 +39,10 @@ def build_(
     keypoints: Annotated[
         Path | None, typer.Option(help='JSON: {"mesh file\'s stem": {"key point": [x, y, z]}}.')
     ] = None,
-    forward: Annotated[Axes, typer.Option(help="The files' axis that points ahead.")] = "x",
-    up: Annotated[Axes, typer.Option(help="The files' axis that points up.")] = "z",
+    forward: Annotated[
+        Axes, typer.Option(help="The files' axis that points ahead; x, and of glTF the longer one.")
+    ] = "auto",
+    up: Annotated[Axes, typer.Option(help="The files' axis that points up; z, and y of glTF.")] = "auto",
     scale: Annotated[float, typer.Option(help="The files' unit in metres.")] = 1.0,
     symmetry: Annotated[
         Planes, typer.Option(help="Normal of the vertical plane of symmetry, after forward and up; auto: find it.")
