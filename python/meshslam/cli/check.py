@@ -16,13 +16,15 @@ def check(
 ) -> None:
     """List every problem of a recording, one a line; exit code 1 if there is any.
 
+    What runs handle themselves is listed as a note, which leaves the exit code as it is.
+
     Example: meshslam check 2011_09_26/2011_09_26_drive_0048_sync
     """
     from meshslam.sequences import check_sequence
 
-    problems = check_sequence(sequence, layout, camera, detections)
-    for problem in problems:
-        print(problem)
-    if problems:
+    found = check_sequence(sequence, layout, camera, detections)
+    for entry in found:
+        print(f"note: {entry}" if entry.severity == "note" else entry)
+    if any(entry.severity == "problem" for entry in found):
         raise typer.Exit(1)
     print(f"{sequence}: no problem found")

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from meshslam.errors import SequenceError
 
 Result = TypeVar("Result")
+Severity = Literal["problem", "note"]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong with an input."""
+    """One thing that is wrong with an input, or (a note) that a run handles but its user should know."""
 
     file: Path
     where: str  # the line or key, empty for the file as a whole
     what: str  # what was found, and what was expected
+    severity: Severity = "problem"
 
     def __str__(self) -> str:
         return f"{self.file}: {self.where}: {self.what}" if self.where else f"{self.file}: {self.what}"
@@ -45,7 +47,7 @@ class Report:
 
     @property
     def problems(self) -> list[Problem]:
-        """What was found so far, in order, each once."""
+        """What was found so far, problems and notes, in order, each once."""
         return list(self._problems)
 
     def add(self, file: Path, where: str, what: str) -> None:
@@ -58,7 +60,7 @@ class Report:
     def note(self, file: Path, where: str, what: str) -> None:
         """Report what is worth knowing but stops nothing: only a collecting report keeps it."""
         if self._collect:
-            self._problems[Problem(file, where, what)] = None
+            self._problems[Problem(file, where, what, "note")] = None
 
     def attempt(self, read: Callable[[], Result]) -> Result | None:
         """Run one reader; None if it failed and this report collects."""
