@@ -1,8 +1,10 @@
-"""The comment behind a dataclass field as its text in the reference: shapes and units stand there in this code base."""
+"""The comment behind a dataclass field, or the `doc` of a public setting, as its text in the reference."""
 
 from __future__ import annotations
 
+import ast
 import io
+import textwrap
 import tokenize
 from typing import Any
 
@@ -16,9 +18,20 @@ class FieldComments(griffe.Extension):
         """Read the comment; `noqa` and type comments are for tools."""
         if attr.docstring is not None or attr.lineno is None or not attr.source:
             return
-        text = _last_comment(attr.source)
+        text = _doc(attr.source) or _last_comment(attr.source)
         if text and not text.startswith(("noqa", "type:")):
             attr.docstring = griffe.Docstring(text[0].upper() + text[1:] + ".", parent=attr)
+
+
+def _doc(source: str) -> str:
+    """What `public(..., doc="...")` says."""
+    try:
+        (statement,) = ast.parse(textwrap.dedent(source)).body
+    except (SyntaxError, ValueError):
+        return ""
+    value = statement.value if isinstance(statement, ast.AnnAssign) else None
+    found = [word.value for word in value.keywords if word.arg == "doc"] if isinstance(value, ast.Call) else []
+    return str(found[0].value) if found and isinstance(found[0], ast.Constant) else ""
 
 
 def _last_comment(source: str) -> str:

@@ -1,11 +1,9 @@
-import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import E, O, T, V, X, Z
 
 from meshslam.categories import load_category
 from meshslam.geometry import NoiseModel, Pose, exp_so3
-from meshslam.graph.object_factor import CameraMemo, ObservationCost, object_factor, place_camera
+from meshslam.graph.object_factor import ObservationCost, place_camera
 from meshslam.localization.correction import MapObservation, correct
 from meshslam.motion.gtsam_bridge import from_pose3, to_gtsam_covariance, to_pose3
 from meshslam.objects import ObjectConfig, category_model
@@ -123,44 +121,6 @@ def test_a_step_by_the_square_root_lowers_the_true_cost(near):
     predicted = 0.5 * np.sum((before.root @ np.append(step, 1.0)) ** 2)
     assert after.cost < before.cost
     assert predicted < before.cost
-
-
-def test_factor_in_gtsam_agrees_with_differences(near):
-    model, view, camera, thing = near
-    seen = ObservationCost(
-        model, view, NoiseModel(), 1e-9
-    )  # no focal length: the linearization is kept, and exact in itself
-    keys = X(0), V(0), E(0), T(0)
-    factor = object_factor(seen, keys, CameraMemo(IMU_FROM_CAMERA.translation, RATE), O(1), Z(1))
-    values = gtsam.Values()
-    values.insert(X(0), to_pose3(camera @ IMU_FROM_CAMERA.inverse()))
-    values.insert(V(0), np.array([8.0, 0.5, 0.1]))
-    values.insert(E(0), gtsam.Rot3(IMU_FROM_CAMERA.rotation))
-    values.insert(T(0), np.array([0.004]))
-    values.insert(O(1), to_pose3(thing))
-    values.insert(Z(1), np.zeros(model.mode_count))
-    jacobian, right = factor.linearize(values).jacobian()
-    order = sorted([*keys, O(1), Z(1)], key=lambda k: factor.keys().index(k))
-    start = 0
-    for key in order:
-        width = {X(0): 6, V(0): 3, E(0): 3, T(0): 1, O(1): 6, Z(1): model.mode_count}[key]
-        for k in range(min(width, 6)):
-            h = 1e-5
-            ends = []
-            for sign in (1, -1):
-                delta = values.zeroVectors()
-                step = np.zeros(width)
-                step[k] = sign * h
-                moved = gtsam.VectorValues()
-                for other in order:
-                    moved.insert(other, step if other == key else np.asarray(delta.at(other)))
-                ends.append(factor.unwhitenedError(values.retract(moved)))
-            slope = (ends[0] - ends[1]) / (2 * h)
-            assert np.allclose(
-                slope, jacobian[:, start + k], atol=2e-3 * max(1.0, np.abs(jacobian[:, start + k]).max())
-            )
-        start += width
-    assert np.allclose(-right, factor.unwhitenedError(values))
 
 
 def test_one_view_corrects_the_camera(near, street):

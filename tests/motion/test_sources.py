@@ -7,9 +7,10 @@ import pytest
 from meshslam.errors import SequenceError
 from meshslam.features.two_view_motion import two_views
 from meshslam.geometry import Camera, Pose, exp_so3
-from meshslam.motion.config import OdometryConfig
-from meshslam.motion.imu import NavState
-from meshslam.motion.sources import OdometryMotion
+from meshslam.graph import Smoother, SmootherConfig, StartConfig
+from meshslam.motion.config import ImuConfig, OdometryConfig
+from meshslam.motion.imu import Mounting, NavState, RelativeMotion
+from meshslam.motion.sources import ImageMotion, OdometryMotion
 from meshslam.object_slam.start import NO_IMU
 from tests.fixtures.imu_street import errors_m, slammed
 
@@ -65,6 +66,57 @@ def test_odometry_alone_gives_back_its_poses(street):
         state, tie = motion.between(NO_IMU, state, float(times[index]), index)
         assert np.allclose(state.world_from_imu.matrix, poses[index].matrix)
         assert (tie.sigmas > 0).all()
+
+
+@pytest.mark.parametrize("step_m", [0.0, 0.4, 3.0])
+def test_odometrys_steps_are_as_uncertain_as_it_is_told(step_m):
+    """A fixed part and a share of the step, independent of each other; rotations in degrees."""
+    config = OdometryConfig(translation_sigma_m=0.03, translation_sigma_share=0.1, rotation_sigma_deg=2.0)
+    poses = Pose.identity(), Pose(exp_so3(np.array([0.0, 0.1, 0.0])), np.array([0.0, 0.6, 0.8]) * step_m)
+    zero = np.zeros(3)
+    _, tie = OdometryMotion(poses, config).between(NO_IMU, NavState(0.0, poses[0], zero, zero, zero), 0.1, 1)
+    sigma_m = np.sqrt(0.03**2 + (0.1 * step_m) ** 2)
+    assert tie.sigmas == pytest.approx([sigma_m] * 3 + [np.radians(2.0)] * 3)
+    assert np.allclose(tie.first_from_second.matrix, poses[1].matrix)
+
+
+class Matches:
+    """Image features that are known: the same points in every two frames."""
+
+    def __init__(self, matches):
+        self._matches = matches
+
+    def matches(self, _):
+        return self._matches
+
+
+@pytest.mark.parametrize("period_s", [0.1, 0.4])
+def test_a_step_by_images_is_as_uncertain_as_speed_and_turning_may_change(period_s):
+    config, zero = OdometryConfig(acceleration_m_s2=2.5, turning_rad_s2=0.7), np.zeros(3)
+    step = Pose(exp_so3(np.array([0.0, 0.02, 0.0])), np.array([0.0, 0.0, 1.0]))
+    motion = ImageMotion(Matches(followed(np.random.default_rng(3), step)), CAMERA, config)
+    state = NavState(0.0, Pose.identity(), np.array([0.0, 0.0, 6.0]), zero, zero)
+    after, tie = motion.between(NO_IMU, state, period_s, 1)
+    assert tie.sigmas == pytest.approx([2.5 * period_s**2] * 3 + [0.7 * period_s**2] * 3)
+    assert np.linalg.norm(tie.first_from_second.translation) == pytest.approx(6.0 * period_s)
+    again, _ = motion.between(NO_IMU, after, 2 * period_s, 2)  # as far as the step before
+    moved = again.world_from_imu.translation - after.world_from_imu.translation
+    assert np.linalg.norm(moved) == pytest.approx(6.0 * period_s)
+
+
+def test_the_graph_takes_a_steps_sigmas_as_they_are():
+    """Each of its own: along x, y, z and about x, y, z of the first camera."""
+    exact = StartConfig(1e-6, 1e-5, 1e-5, 1e-6)
+    sigmas, zero = np.array([0.1, 0.2, 0.3, 0.01, 0.02, 0.03]), np.zeros(3)
+    smoother = Smoother(ImuConfig(), exact, SmootherConfig(), Mounting(Pose.identity()))
+    state = NavState(0.0, Pose.from_yaw(0.7, np.array([3.0, 2.0, 1.0])), zero, zero, zero)
+    smoother.begin(state, zero)
+    step = Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    smoother.advance(
+        dataclasses.replace(state, time_s=0.1, world_from_imu=state.world_from_imu @ step),
+        RelativeMotion(step, sigmas, zero),
+    )
+    assert np.sqrt(np.diag(smoother.cameras.pose_covariance(1))) == pytest.approx(sigmas, rel=1e-3)
 
 
 @pytest.fixture(scope="module")

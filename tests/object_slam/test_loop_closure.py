@@ -1,10 +1,18 @@
 """Objects known again: laws over random constellations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.object_slam.landmarks import Landmark, coincident_landmarks, joined_tracks
+from meshslam.object_slam.landmarks import (
+    Landmark,
+    OdometryFrame,
+    coincident_landmarks,
+    find_loop_closure,
+    joined_tracks,
+)
 from meshslam.object_slam.loop_closure import LoopClosureConfig, PlacedLandmark, match_landmarks
 
 CONFIG = LoopClosureConfig()
@@ -64,6 +72,68 @@ def test_one_is_enough_only_where_the_path_is_sure():
     seen = moved(known[:1], Pose.identity(), rng)
     assert match_landmarks(seen, known, [1.5] * 5, CONFIG).pairs == ((101, 1),)
     assert match_landmarks(seen, known, [5.0] * 5, CONFIG) is None
+
+
+# --- the search radius: 1 m and 2% of the distance travelled, at most 12 m
+
+
+def drifted(off_m, left_at_m=0.0):
+    """Three landmarks that left the view, and the same three seen anew, all of them off by a distance."""
+    seen = {"views": 20, "nearest_m": 8.0, "last_distance_m": left_at_m}
+    landmarks = {}
+    for k in (1, 2, 3):
+        known, found = (Pose(np.eye(3), np.array([8.0 * k + off, 3.0, 0.0])) for off in (0.0, off_m))
+        landmarks[k] = Landmark(k, k, known, np.zeros(2), SIZE, **seen, in_map=known)
+        landmarks[k + 10] = Landmark(k + 10, k + 10, found, np.zeros(2), SIZE, **seen)
+    return landmarks, {11, 12, 13}
+
+
+def closes(marks, at, joined=(), config=CONFIG):
+    landmarks, in_view = marks
+    return find_loop_closure(landmarks, in_view, joined, at, config) is not None
+
+
+@pytest.mark.parametrize(("distance_m", "radius_m"), [(0.0, 1.0), (100.0, 3.0), (300.0, 7.0), (5000.0, 12.0)])
+def test_the_search_radius_grows_with_the_distance_up_to_a_limit(distance_m, radius_m):
+    at = OdometryFrame(Pose.identity(), distance_m)
+    spread = replace(CONFIG, apart_m=0.1)
+    assert closes(drifted(0.95 * radius_m), at, config=spread)
+    assert not closes(drifted(1.05 * radius_m), at, config=spread)
+
+
+def test_a_loop_closure_resets_the_search_radius():
+    """After it the path is known anew: only what was travelled since counts."""
+    marks = drifted(3.0)
+    assert closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=0.0))
+    assert not closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=300.0))
+    assert not closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=220.0))
+    assert closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=190.0))
+
+
+def test_what_left_the_view_just_now_is_searched_nearby():
+    at = OdometryFrame(Pose.identity(), 300.0)
+    assert closes(drifted(3.0, left_at_m=100.0), at)
+    assert not closes(drifted(3.0, left_at_m=290.0), at)
+
+
+def test_landmarks_that_are_joined_are_not_joined_again():
+    landmarks, in_view = drifted(0.2)
+    at = OdometryFrame()
+    assert set(find_loop_closure(landmarks, in_view, [], at, CONFIG).pairs) == {(11, 1), (12, 2), (13, 3)}
+    assert set(find_loop_closure(landmarks, in_view, [(11, 1)], at, CONFIG).pairs) == {(12, 2), (13, 3)}
+    assert find_loop_closure(landmarks, in_view, [(11, 1), (12, 2), (13, 3)], at, CONFIG) is None
+
+
+def test_what_moves_and_what_was_seen_little_or_from_afar_closes_no_loop():
+    at = OdometryFrame()
+    for change, which in (
+        ({"moves": True}, (1, 2, 3)),
+        ({"views": 7}, (11, 12, 13)),
+        ({"nearest_m": 26.0}, (11, 12, 13)),
+    ):
+        landmarks, in_view = drifted(0.2)
+        landmarks |= {n: replace(landmarks[n], **change) for n in which}
+        assert find_loop_closure(landmarks, in_view, [], at, CONFIG) is None
 
 
 def test_tracks_of_one_object_get_its_lowest_number():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -37,8 +36,7 @@ def detect(
     from meshslam.perception import write_detections
     from meshslam.runs import open_input, read_config, segment_frames, with_keypoints
 
-    settings = read_config(config)
-    settings = replace(settings, input=replace(settings.input, detections=None))
+    settings = read_config(config, "detect")
     settings = with_input(settings, sequence=sequence, layout=layout, camera=camera, segmenter=segmenter)
     settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)

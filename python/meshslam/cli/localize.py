@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +50,7 @@ def localize(
     from meshslam.runs import overlaid, read_config, run_localize
 
     settings = with_input(
-        read_config(config),
+        read_config(config, "localize"),
         sequence=sequence,
         map=map_path,
         imu=imu,
@@ -63,7 +62,7 @@ def localize(
     )
     settings = with_keypoint_network(settings, keypoints)
     if solver is not None:
-        settings = replace(settings, localization=overlaid(settings.localization, {"solver": solver}, "--solver"))
+        settings = overlaid(settings, {"localization": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
         figures = run_localize(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)

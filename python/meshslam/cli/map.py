@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +50,7 @@ def map_(
     from meshslam.runs import overlaid, read_config, run_map
 
     settings = with_input(
-        read_config(config),
+        read_config(config, "map"),
         sequence=sequence,
         segmenter=segmenter,
         detections=detections,
@@ -61,9 +60,9 @@ def map_(
     )
     settings = with_keypoint_network(settings, keypoints)
     if tracker is not None:
-        settings = replace(settings, tracking=overlaid(settings.tracking, {"tracker": tracker}, "--tracker"))
+        settings = overlaid(settings, {"tracking": {"tracker": tracker}}, "--tracker")
     if solver is not None:
-        settings = replace(settings, objects=overlaid(settings.objects, {"solver": solver}, "--solver"))
+        settings = overlaid(settings, {"objects": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
         figures = run_map(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,14 +34,14 @@ def with_input(settings: Config, **given: str | int | Path | None) -> Config:
     from meshslam.runs import overlaid
 
     values = {key: _plain(key, value) for key, value in given.items() if value is not None}
-    return replace(settings, input=overlaid(settings.input, values, "flags"))
+    return overlaid(settings, {"input": values}, "flags")
 
 
 def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
     """The settings with the network of key points switched on or off, if the flag was given."""
-    if keypoints is None:
-        return settings
-    return replace(settings, keypoints=replace(settings.keypoints, enabled=keypoints))
+    from meshslam.runs import overlaid
+
+    return settings if keypoints is None else overlaid(settings, {"keypoints": {"enabled": keypoints}}, "flags")
 
 
 def _plain(key: str, value: str | int | Path) -> str | int:

@@ -41,7 +41,7 @@ def views(
     if paper_count:
         chosen = replace(chosen, paper_views=tuple(sorted(set(paper_count))))
     with progress_bars() as bars:
-        found = views_experiment(chosen, read_config(config).objects, bars)
+        found = views_experiment(chosen, read_config(config, "reproduce views").objects, bars)
     show(found, out)
 
 
@@ -76,7 +76,7 @@ def localization(
         imu_from_camera=_text(imu_from_camera),
         start=start,
     )
-    settings = read_config(config)
+    settings = read_config(config, "reproduce localization")
     with progress_bars() as bars:
         given = (simulation, settings.estimation, settings.localization)
         found = localization_experiment(*given, out / "sequence", bars)
@@ -104,7 +104,7 @@ def kitti(
 
     if labels and len(labels) != len(drives):
         raise typer.BadParameter(f"{len(labels)} files for {len(drives)} drives", param_hint="--labels")
-    settings, mapped = read_config(config), []
+    settings, mapped = read_config(config, "map"), []
     for number, drive in enumerate(drives):
         chosen = with_input(settings, sequence=drive, segmenter=segmenter)
         run = out / f"{number}_{drive.resolve().name}"

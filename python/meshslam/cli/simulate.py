@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -50,10 +49,9 @@ def simulate(
     from meshslam.simulation import SimulationConfig
 
     settings = SimulationConfig() if config is None else overlaid(SimulationConfig(), read_yaml(config), str(config))
-    street = {"frames": frames, "cars_each_side": cars, "mode": mode}
-    settings = replace(settings, street=_given(settings.street, street))
     given: dict[str, Any] = {"seed": seed, "noise": noise, "keypoints": keypoints, "known_poses": known_poses}
     given |= {"poses": poses, "times": times, "imu": imu, "imu_from_camera": imu_from_camera, "start": start}
+    given["street"] = _chosen({"frames": frames, "cars_each_side": cars, "mode": mode})
     run_simulate(_given(settings, given), out, overwrite=overwrite)
 
 
@@ -89,15 +87,15 @@ def refuse_foreign(out: Path, *, overwrite: bool) -> None:
         raise SequenceError(f"{out}: a sequence is there already: give --overwrite, or another folder")
 
 
-Settings = TypeVar("Settings")
-
-
-def _given(settings: Settings, values: dict[str, Any]) -> Settings:
+def _given(settings: SimulationConfig, values: dict[str, Any]) -> SimulationConfig:
     """The settings with those values that are not None; paths become text that holds in any folder."""
     from meshslam.runs import overlaid
 
-    chosen = {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
-    return overlaid(settings, chosen, "flags")
+    return overlaid(settings, _chosen(values), "flags")
+
+
+def _chosen(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
 
 
 def _summary(street: Street, out: Path) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -55,7 +54,7 @@ def slam(
     from meshslam.runs import overlaid, read_config, run_slam
 
     settings = with_input(
-        read_config(config),
+        read_config(config, "slam"),
         sequence=sequence,
         imu=imu,
         imu_from_camera=imu_from_camera,
@@ -66,9 +65,9 @@ def slam(
     )
     settings = with_keypoint_network(settings, keypoints)
     if poses is not None:
-        settings = replace(settings, slam=overlaid(settings.slam, {"poses": poses}, "--poses"))
+        settings = overlaid(settings, {"slam": {"poses": poses}}, "--poses")
     if solver is not None:
-        settings = replace(settings, slam=overlaid(settings.slam, {"solver": solver}, "--solver"))
+        settings = overlaid(settings, {"slam": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
         figures = run_slam(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)

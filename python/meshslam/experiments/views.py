@@ -18,6 +18,7 @@ from meshslam.mapping import MappingConfig, map_objects
 from meshslam.maps import CameraPath, MapObject
 from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, ColourSegmenter, DetectionSet, detect
+from meshslam.settings import Settings, setting
 from meshslam.simulation import Car, Road, Street, render_image
 from meshslam.viewing import Line, line_charts, mesh_picture
 
@@ -29,18 +30,18 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class ViewsConfig:
+class ViewsConfig(Settings):
     """The cameras stand evenly on a ring; n of the `ring` places are used."""
 
-    seed: int = 0
-    kinds: tuple[str, ...] = ("saloon", "hatch", "box", "fastback")
-    views: tuple[int, ...] = tuple(range(1, 13))
-    paper_views: tuple[int, ...] = tuple(range(1, 13))  # with the paper's solver
-    ring: int = 12
-    radius_m: float = 7.0
-    height_m: float = 1.65
-    family: int = 120  # cars that the shape space is made of, those of the left out kind among them
-    modes: int = 20
+    seed: int = setting(0, low=0)
+    kinds: tuple[str, ...] = setting(("saloon", "hatch", "box", "fastback"))
+    views: tuple[int, ...] = setting(tuple(range(1, 13)), low=1)
+    paper_views: tuple[int, ...] = setting(tuple(range(1, 13)), low=1)  # with the paper's solver
+    ring: int = setting(12, low=1)
+    radius_m: float = setting(7.0, above=0)
+    height_m: float = setting(1.65, above=0)
+    family: int = setting(120, low=1)  # cars that the shape space is made of, those of the left out kind among them
+    modes: int = setting(20, low=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,21 +19,22 @@ from scipy.sparse.linalg import spsolve
 from meshslam.geometry import Bytes, Camera, Floats, Pose, exp_so3, hat
 from meshslam.maps import CameraPath
 from meshslam.perception import Detection, corners, follow, grey
+from meshslam.settings import Settings, expert, public
 
 _STEPS = (1, 2, 3)  # frames apart
 _KERNEL_PX = 0.5  # Cauchy's threshold for the distance to the epipolar line
 
 
 @dataclass(frozen=True)
-class RotationConfig:
+class RotationConfig(Settings):
     """Settings of the correction."""
 
-    enabled: bool = True
-    corners: int = 500  # followed in each frame
-    min_corners: int = 60
-    min_baseline_m: float = 0.2
-    given_sigma_rad: float = 5e-3  # of each given rotation
-    measured_sigma_rad: float = 5e-4  # of each relative rotation
+    enabled: bool = public(True, doc="correct the given camera rotations by what images show")
+    corners: int = expert(500, low=1)  # followed in each frame
+    min_corners: int = expert(60, low=1)
+    min_baseline_m: float = expert(0.2, low=0)
+    given_sigma_rad: float = expert(5e-3, above=0)  # of each given rotation
+    measured_sigma_rad: float = expert(5e-4, above=0)  # of each relative rotation
 
 
 @dataclass(frozen=True, eq=False)

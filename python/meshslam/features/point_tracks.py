@@ -11,22 +11,23 @@ import numpy as np
 
 from meshslam.geometry import Bools, Bytes, Floats
 from meshslam.perception import Detection, corners, follow
+from meshslam.settings import Settings, expert, public
 
 
 @dataclass(frozen=True)
-class PointConfig:
+class PointConfig(Settings):
     """Corners as factors of the graph."""
 
-    enabled: bool = True  # where there are images
-    corners: int = 160  # that a block of frames begins with
-    steps: int = 6  # from frame to frame in a block; the next one begins with its last frame
-    rows: int = 2  # of blocks, staggered: where they overlap they hand on the scale
-    min_frames: int = 3  # of a track that is used
-    agreement_px: float = 0.7  # between where a corner was and where it comes back to
-    mask_margin_px: int = 5  # around detections: what moves is mostly detected
-    edge_px: int = 8  # of the image, where no corner is followed
-    sigma_px: float = 0.7
-    kernel: float = 2.0  # Geman and McClure's threshold, in sigmas
+    enabled: bool = public(True, doc="follow corners of the static scene, where there are images")
+    corners: int = expert(160, low=1)  # that a block of frames begins with
+    steps: int = expert(6, low=1)  # from frame to frame in a block; the next one begins with its last frame
+    rows: int = expert(2, low=1)  # of blocks, staggered: where they overlap they hand on the scale
+    min_frames: int = expert(3, low=2)  # of a track that is used
+    agreement_px: float = expert(0.7, above=0)  # between where a corner was and where it comes back to
+    mask_margin_px: int = expert(5, low=0)  # around detections: what moves is mostly detected
+    edge_px: int = expert(8, low=0)  # of the image, where no corner is followed
+    sigma_px: float = expert(0.7, above=0)
+    kernel: float = expert(2.0, above=0)  # Geman and McClure's threshold, in sigmas
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,26 +14,25 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.settings import Settings, expert, public
 
 
 @dataclass(frozen=True)
-class RoadConfig:
+class RoadConfig(Settings):
     """The road as a measure of length; lengths in metres."""
 
-    enabled: bool = True  # where there are images and the camera's height is known
-    min_distance_m: float = 5.0  # of the patch of road, ahead of the camera
-    max_distance_m: float = 14.0
-    aside_m: float = 1.6
-    step_px: int = 2
-    baseline_m: float = 1.0  # between the two cameras, at least
-    chord_m: float = 10.0  # of the path that the camera took over the patch later: the road lies along it
-    search_share: float = 0.3  # by which the displacement may be longer or shorter than expected
-    min_correlation: float = 0.5
-    min_drop: float = 0.03  # of the correlation, where it is `drop_share` longer or shorter
-    drop_share: float = 0.08
-    sigma_share: float = (
-        0.015  # of a displacement; errors of height and slope persist, so that many say little more than one
-    )
+    enabled: bool = public(True, doc="measure displacement by the road's texture, where there are images")
+    min_distance_m: float = expert(5.0, above=0)  # of the patch of road, ahead of the camera
+    max_distance_m: float = expert(14.0, above="min_distance_m")
+    aside_m: float = expert(1.6, above=0)
+    step_px: int = expert(2, low=1)
+    min_baseline_m: float = expert(1.0, above=0)  # between the two cameras
+    chord_m: float = expert(10.0, above=0)  # of the later path over the patch: the road lies along it
+    search_share: float = expert(0.3, above=0, below=1)  # by which the displacement may be longer or shorter than expected
+    min_correlation: float = expert(0.5, low=0, high=1)
+    min_drop: float = expert(0.03, low=0, high=2)  # of the correlation, where it is `drop_share` longer or shorter
+    drop_share: float = expert(0.08, above=0, below=1)
+    sigma_share: float = expert(0.015, above=0)  # of one; errors of height and slope persist
 
 
 def road_normal(centres: Sequence[Floats], config: RoadConfig) -> Floats | None:

@@ -13,6 +13,7 @@ from meshslam.geometry.arrays import Bools, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
 from meshslam.geometry.native import floats, geometry_errors, ints
 from meshslam.geometry.pose import Pose
+from meshslam.settings import Settings, expert
 
 View = _core.View
 
@@ -20,19 +21,19 @@ Block = Literal["pose", "modes", "free_form", "velocity"]  # of parameters
 
 
 @dataclass(frozen=True)
-class NoiseModel:
+class NoiseModel(Settings):
     """What is believed of the noise, and of shapes before they are seen."""
 
-    border_sigma_px: float = 1.5  # of an observed mask's border
-    border_correlation_px: float = 25.0  # length of border over which its error is one and the same
-    border_kernel: float = 3.0  # Huber's threshold, in sigmas
-    surface_sigma_m: float = 0.025  # of the true surface about the best mesh; what masks show of it, they show alike
-    border_cap_px: float = 60.0  # residuals are cut here
-    outline_step_px: float = 6.0  # spacing of the outline's samples
-    keypoint_position_sigma_m: float = 0.10  # the category's key points against the instance's
-    keypoint_kernel: float = 3.0  # Geman and McClure's threshold, in sigmas
-    free_form_sigma_m: float = 0.10  # of a vertex's free displacement
-    smoothness_sigma_m: float = 0.01  # of its parting from its neighbours' average
+    border_sigma_px: float = expert(1.5, above=0)  # of an observed mask's border
+    border_correlation_px: float = expert(25.0, above=0)  # length of border over which its error is one and the same
+    border_kernel: float = expert(3.0, above=0)  # Huber's threshold, in sigmas
+    surface_sigma_m: float = expert(0.025, low=0)  # of the true surface about the best mesh, the same for all masks
+    border_cap_px: float = expert(60.0, above=0)  # residuals are cut here
+    outline_step_px: float = expert(6.0, above=0)  # spacing of the outline's samples
+    keypoint_position_sigma_m: float = expert(0.10, low=0)  # the category's key points against the instance's
+    keypoint_kernel: float = expert(3.0, above=0)  # Geman and McClure's threshold, in sigmas
+    free_form_sigma_m: float = expert(0.10, above=0)  # of a vertex's free displacement
+    smoothness_sigma_m: float = expert(0.01, above=0)  # of its parting from its neighbours' average
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,22 +7,23 @@ from dataclasses import dataclass, field
 from meshslam.graph import SmootherConfig, StartConfig
 from meshslam.initialization.gravity_alignment import AlignmentConfig
 from meshslam.motion import ImuConfig
+from meshslam.settings import Settings, expert
 
 
 @dataclass(frozen=True)
-class UnknownStartConfig:
+class UnknownStartConfig(Settings):
     """How well the first state is known that is found without initial_state.yaml, and how it is found."""
 
-    tilt_sigma_deg: float = 3.0
-    velocity_sigma_m_s: float = 0.5
-    velocity_sigma_share: float = 0.12  # and so much of the speed
-    settling_s: float = 3.0  # run again and again from the state that they end up with
-    settling_rounds: int = 4  # at most
+    tilt_sigma_deg: float = expert(3.0, above=0)
+    velocity_sigma_m_s: float = expert(0.5, above=0)
+    velocity_sigma_share: float = expert(0.12, low=0)  # and so much of the speed
+    settling_s: float = expert(3.0, above=0)  # run again and again from the state that they end up with
+    max_settling_rounds: int = expert(4, low=1)
     alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
 
 
 @dataclass(frozen=True)
-class EstimationConfig:
+class EstimationConfig(Settings):
     """What localization and SLAM have in common."""
 
     imu: ImuConfig = field(default_factory=ImuConfig)

@@ -14,27 +14,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.geometry import Camera, Floats, geman_mcclure_soft
+from meshslam.settings import Settings, expert
 
 _KERNELS = np.array([8.0, 4.0, 2.0, 1.4, 1.0, 1.0, 1.0, 1.0])  # graduated: all objects count at first
 
 
 @dataclass(frozen=True)
-class AlignmentConfig:
+class AlignmentConfig(Settings):
     """How well the rough start is told by each of its sources."""
 
-    seconds: float = 2.0  # that are looked at
-    size_sigma: float = 0.12  # of an object's height, as a share
-    nearer_m: float = 1.5  # a box's height is that of parts that are so much nearer than the centre
-    depth_sigma: float = 0.07  # of one box's height against its object's others, as a share
-    centre_sigma_m: float = 0.3  # of a box's middle against the object's
-    road_sigma_m: float = 0.15
-    road_slope_sigma: float = 0.03  # more for every metre away from the camera
-    tilt_sigma_rad: float = 0.3  # of the mean specific force against gravity: acceleration, a third of g in a bend
-    slip_sigma_m_s: float = 0.4  # of the velocity across the camera's axis, for a camera that rides on a road
-    camera_tilt_sigma_rad: float = 0.05  # of such a camera's axes against the horizon
-    acceleration_sigma_m_s2: float = 0.8  # along its axis, over all of the time
-    speed_sigma_m_s: float = 20.0
-    kernel: float = 2.0  # Geman and McClure's threshold, in sigmas: cars that drive are among the objects
+    seconds: float = expert(2.0, above=0, unit="s")  # that are looked at
+    size_sigma: float = expert(0.12, above=0)  # of an object's height, as a share
+    nearer_m: float = expert(1.5, low=0)  # a box's height is that of parts that are so much nearer than the centre
+    depth_sigma: float = expert(0.07, above=0)  # of one box's height against its object's others, as a share
+    centre_sigma_m: float = expert(0.3, above=0)  # of a box's middle against the object's
+    road_sigma_m: float = expert(0.15, above=0)
+    road_slope_sigma: float = expert(0.03, low=0)  # more for every metre away from the camera
+    tilt_sigma_rad: float = expert(0.3, above=0)  # of the mean specific force against gravity: a third of g in a bend
+    slip_sigma_m_s: float = expert(0.4, above=0)  # of the velocity across the axis of a camera that rides on a road
+    camera_tilt_sigma_rad: float = expert(0.05, above=0)  # of such a camera's axes against the horizon
+    acceleration_sigma_m_s2: float = expert(0.8, above=0)  # along its axis, over all of the time
+    speed_sigma_m_s: float = expert(20.0, above=0)
+    kernel: float = expert(2.0, above=0)  # Geman and McClure's threshold, in sigmas: some of the objects drive
 
 
 @dataclass(frozen=True, eq=False)

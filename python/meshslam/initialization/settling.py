@@ -51,7 +51,7 @@ def settled(
 
     `fresh` makes the estimator that is run. Within `lag_s` it still holds its first state.
     """
-    state, rounds = found, config.settling_rounds
+    state, rounds = found, config.max_settling_rounds
     frames = first.frame_ids[: first.count_within(settling_seconds(config, lag_s))]
     for k in range(rounds):
         estimator = fresh()

@@ -26,7 +26,7 @@ from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
 from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-localizer-2"
+FORMAT = "meshslam-localizer-3"
 NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
@@ -152,7 +152,7 @@ class Localizer:
         self._waiting.append(given)
         return self._begin() if self._suffices() else LocalizerState(number, time_s, None, None, None, (), ())
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the newest state with its joint covariance, and which objects moved (.npz).
 
         The smoothing of the last seconds ends here; what they say of the newest state is kept. It continues here, and
@@ -165,7 +165,7 @@ class Localizer:
         arrays: dict[str, Any] = {"own": np.array(json.dumps(plain))}
         arrays |= {f"marginal_{k}": v for k, v in marginal.arrays().items()}
         arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
-        write_archive(path, FORMAT, self._stream.samples(), arrays)
+        write_archive(Path(path), FORMAT, self._stream.samples(), arrays)
         self._fill(arrays, self._stream.samples())
 
     @classmethod

@@ -2,7 +2,8 @@
 
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.one_object import object_from_masks
 from meshslam.mapping.pipeline import ObjectMapping, Stages, map_objects
 from meshslam.mapping.work import Progress
 
-__all__ = ["LeftOut", "MappingConfig", "ObjectMapping", "Progress", "Stages", "map_objects"]
+__all__ = ["LeftOut", "MappingConfig", "ObjectMapping", "Progress", "Stages", "map_objects", "object_from_masks"]

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from meshslam.settings import Settings, expert, public
+
 
 @dataclass(frozen=True)
-class MappingConfig:
+class MappingConfig(Settings):
     """Settings of mapping; lengths in metres, pixels where the name says so."""
 
-    min_views: int = 3  # or as many as the sequence has frames
-    min_box_px: float = 36.0  # width of the widest box of a track
-    min_mask_iou: float = 0.60  # drawn mesh against masks, mean over the views used
-    max_distance_m: float = 45.0
-    max_height_over_road_m: float = 0.45  # or four of the road's sigmas
-    max_shape_cost: float = 50.0  # half the squared length of z: 10 on average, with 20 modes
-    merge_distance_m: float = 1.5  # two objects nearer than this are one
-    use_ground: bool = True  # the road below the camera's path holds the objects' wheels
-    estimate_noise: bool = True  # the border's sigma and correlation length, from the first fits
-    passes: int = 2  # the second knows the others' depth and shape
+    min_views: int = public(3, low=1, doc="observations that a track needs, or as many as the sequence has frames")
+    min_box_px: float = public(36.0, low=0, doc="width of the widest box that a track needs")
+    min_mask_iou: float = public(0.60, low=0, high=1, doc="overlap of the drawn mesh with the masks, mean over views")
+    max_distance_m: float = public(45.0, above=0, doc="objects that were never nearer are left out")
+    max_height_over_road_m: float = expert(0.45, low=0)  # or four of the road's sigmas
+    max_shape_cost: float = expert(50.0, low=0)  # half the squared length of z: 10 on average, with 20 modes
+    merge_distance_m: float = expert(1.5, low=0)  # two objects nearer than this are one
+    use_ground: bool = public(True, doc="the road below the camera's path holds the objects' wheels")
+    estimate_noise: bool = expert(True)  # the border's sigma and correlation length, from the first fits
+    passes: int = expert(2, low=1)  # the second knows the others' depth and shape

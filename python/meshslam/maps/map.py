@@ -53,7 +53,7 @@ class Map(Mapping[int, MapObject]):
                 return thing
         raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: Path | str) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
 
         MapError if the disk does not take it; what was there before then stays.
@@ -74,7 +74,7 @@ class Map(Mapping[int, MapObject]):
                 old.unlink(missing_ok=True)
 
     @staticmethod
-    def load(path: Path) -> Map:
+    def load(path: Path | str) -> Map:
         """Read a run directory, its map.json, or an objects.json; MapError naming the file, the object and the key."""
         path = Path(path)
         file = path / "map.json" if path.is_dir() else path

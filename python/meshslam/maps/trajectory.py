@@ -43,12 +43,12 @@ class Trajectory:
             raise MapError("a trajectory to be saved holds NaN or infinity")
         return format_tum(self.times_s, self.world_from_camera).encode()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write a TUM file, whole or not at all."""
         write_atomically(Path(path), self.to_tum())
 
     @staticmethod
-    def load(path: Path) -> Trajectory:
+    def load(path: Path | str) -> Trajectory:
         """Read a TUM file; MapError with the first line that is wrong."""
         try:
             return Trajectory(*read_tum(Path(path), Report()))

@@ -8,25 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.geometry import Floats, Pose
+from meshslam.settings import Settings, expert, public
 
 
 @dataclass(frozen=True)
-class LoopClosureConfig:
+class LoopClosureConfig(Settings):
     """How loops are closed."""
 
-    enabled: bool = True
-    min_views: int = 8  # of a landmark in view, before it is compared
-    max_distance_m: float = 25.0  # and so near must it have been
-    radius_m: float = 1.0  # about where a known landmark is expected,
-    drift_share: float = 0.02  # and so much more of the distance travelled since the last loop closure,
-    max_radius_m: float = 12.0  # at most
-    heading_deg: float = 12.0
-    size_ratio: float = 0.15  # of length, width and height, as logarithm
-    place_sigma_m: float = 0.5  # of one object against the others,
-    turn_sigma_rad: float = 0.03  # and so much more for every metre between them
-    apart_m: float = 2.5  # two objects are not nearer to each other
-    min_objects: int = 3  # that must agree, where the path has drifted by more than
-    sure_radius_m: float = 2.0  # this; else one is enough
+    enabled: bool = public(True, doc="recognize places that were seen before by their objects")
+    min_views: int = expert(8, low=1)  # of a landmark in view, before it is compared
+    max_distance_m: float = expert(25.0, above=0)  # and so near must it have been
+    radius_m: float = expert(1.0, above=0)  # about where a known landmark is expected,
+    drift_share: float = expert(0.02, low=0, high=1)  # and so much more of the distance travelled since the last one,
+    max_radius_m: float = expert(12.0, low="radius_m")  # at most
+    heading_deg: float = expert(12.0, above=0, high=180)
+    size_ratio: float = expert(0.15, low=0)  # of length, width and height, as logarithm
+    place_sigma_m: float = expert(0.5, above=0)  # of one object against the others,
+    turn_sigma_rad: float = expert(0.03, low=0)  # and so much more for every metre between them
+    min_separation_m: float = expert(2.5, low=0)  # of two objects
+    min_objects: int = expert(3, low=1)  # that must agree, where the path has drifted by more than
+    single_object_radius_m: float = expert(2.0, low=0)  # this; else one is enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def match_landmarks(
         np.array([seen[i].pose.translation for i, _ in best]), np.array([known[a].pose.translation for _, a in best])
     )
     left = [np.linalg.norm(correction.transform(seen[i].pose.translation) - known[a].pose.translation) for i, a in best]
-    one_suffices = all(radii_m[a] <= config.sure_radius_m for _, a in best)
+    one_suffices = all(radii_m[a] <= config.single_object_radius_m for _, a in best)
     needed = (1 if one_suffices else config.min_objects) + 2 * _contradictions(seen, known, best, correction, config)
     if len(best) < needed or max(left) > config.place_sigma_m:
         return None
@@ -86,7 +87,7 @@ def _contradictions(
     paired, taken = {i for i, _ in pairs}, {a for _, a in pairs}
     others = [correction.transform(one.pose.translation) for i, one in enumerate(seen) if i not in paired]
     free = [other.pose.translation for a, other in enumerate(known) if a not in taken]
-    return sum(any(np.linalg.norm(place - at) < config.apart_m for at in free) for place in others)
+    return sum(any(np.linalg.norm(place - at) < config.min_separation_m for at in free) for place in others)
 
 
 def _candidates(

@@ -38,7 +38,9 @@ class RoadDisplacements:
     ) -> None:
         second = self.next_frame
         eye = poses[second].translation
-        far = [f for f in poses if f < second and np.linalg.norm(poses[f].translation - eye) >= self.config.baseline_m]
+        far = [
+            f for f in poses if f < second and np.linalg.norm(poses[f].translation - eye) >= self.config.min_baseline_m
+        ]
         if not far:
             return
         first, here = max(far), image_features.frame_image(second)

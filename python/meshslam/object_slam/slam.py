@@ -48,7 +48,7 @@ from meshslam.perception import (
 )
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-2"
+FORMAT = "meshslam-slam-3"
 Progress = Callable[[str, int, int], None]
 
 
@@ -268,7 +268,7 @@ class Slam:
         figures = self._figures(estimator, {new for new, _ in full.joined})
         return SlamResult(path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the run (.npz): it continues here, and where it is loaded, with the same results.
 
         Observations are linear from here on, and what they were made of is let go. SequenceError before it has started.
@@ -281,7 +281,7 @@ class Slam:
         if self._image_features is not None:
             arrays |= {f"features_{k}": v for k, v in self._image_features.to_arrays().items()}
         arrays |= self._own_arrays()
-        write_archive(path, FORMAT, self._stream.samples(), arrays)
+        write_archive(Path(path), FORMAT, self._stream.samples(), arrays)
         self._fill(arrays, self._stream.samples())
 
     @staticmethod

@@ -12,20 +12,21 @@ from meshslam.categories import load_category
 from meshslam.geometry import Bools, Bytes, Floats, Ints
 from meshslam.perception.colour_code import read_colours
 from meshslam.perception.instances import Instance
+from meshslam.settings import Settings, expert
 
 COLOUR = "colour"  # what --segmenter takes
 
 
 @dataclass(frozen=True)
-class ColourConfig:
+class ColourConfig(Settings):
     """What is kept of what the colours say."""
 
-    category: str = "car"  # what the bodies are
-    identities: bool = False  # the colour of a body is its track id: for worlds in which no two have the same
-    min_area_px: int = 80
-    min_point_px: int = 3  # of a key point's mark
-    min_ring: float = 0.6  # of the pixels around a mark show its body; else something hides a part of the mark
-    max_gap: float = 0.6  # between parts of one body, in heights of the larger
+    category: str = expert("car")  # what the bodies are
+    identities: bool = expert(False)  # the colour of a body is its track id: for worlds in which no two have the same
+    min_area_px: int = expert(80, low=1, unit="px²")
+    min_point_px: int = expert(3, low=1, unit="px²")  # of a key point's mark
+    min_ring: float = expert(0.6, low=0, high=1)  # of the pixels around a mark show its body; else a part is hidden
+    max_gap: float = expert(0.6, low=0)  # between parts of one body, in heights of the larger
 
 
 @dataclass(frozen=True, eq=False)

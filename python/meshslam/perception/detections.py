@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from meshslam.errors import DetectionError
 from meshslam.geometry import Bytes, Floats
-from meshslam.perception.masks import Segmentation, decode_segmentation, segmentation_area_px
+from meshslam.perception.masks import Segmentation, decode_segmentation, encode_mask, segmentation_area_px
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,26 @@ class Detection:
     viewing_angle_shares: Floats | None = (
         None  # (n,) of n equal bins around the object, the first about its front; up to a factor
     )
+
+    @staticmethod
+    def from_mask(
+        mask: Bytes, *, id: int, frame: int, category: str = "car", score: float = 1.0, track_id: int | None = None
+    ) -> Detection:
+        """A detection from the mask (h, w) of a whole image, set above 0; DetectionError if no pixel is set.
+
+        >>> mask = np.zeros((20, 30), np.uint8)
+        >>> mask[5:10, 8:20] = 1
+        >>> Detection.from_mask(mask, id=1, frame=0).bbox
+        (8.0, 5.0, 12.0, 5.0)
+        """
+        pixels = (np.asarray(mask) > 0).astype(np.uint8)
+        if pixels.ndim != 2 or not pixels.any():
+            raise DetectionError(f"a mask is (h, w) with at least one pixel set, found shape {pixels.shape}, none set")
+        rows, columns = (np.flatnonzero(pixels.any(axis=axis)) for axis in (1, 0))
+        width, height = columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1
+        box = (float(columns[0]), float(rows[0]), float(width), float(height))
+        size = (pixels.shape[0], pixels.shape[1])
+        return Detection(id, frame, category, score, box, encode_mask(pixels), size, track_id=track_id)
 
     def mask(self) -> Bytes:
         """Unpack the mask: (height, width), zeros and ones."""

@@ -9,6 +9,7 @@ from typing import Any
 from meshslam.errors import DetectionError
 from meshslam.geometry import Bytes, Floats
 from meshslam.perception.coco import VEHICLES
+from meshslam.perception.colour import COLOUR, ColourSegmenter
 from meshslam.perception.detections import Detection
 from meshslam.perception.instances import Segmenter, SegmenterConfig
 from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, frame_keypoints
@@ -28,7 +29,10 @@ class FramePerception:
         keypoints: KeypointConfig,
         tracking: TrackerConfig,
     ) -> None:
-        """`segmenter` is a network's file, its name in the store, or any Segmenter; loaded when it is first needed."""
+        """`segmenter` is a network's file, its name in the store, `colour` for a simulated world, or any Segmenter.
+
+        A network is loaded when it is first needed.
+        """
         self._given, self._segmentation, self._keypoints = segmenter, segmentation, keypoints
         self._tracker, self._categories = OnlineTracker(tracking), tracking.categories
         self._segmenter: Segmenter | None = None
@@ -87,4 +91,6 @@ class FramePerception:
 def _loaded(given: Segmenter | Path | str | None, config: SegmenterConfig) -> Segmenter:
     if given is not None and not isinstance(given, str | Path):
         return given
+    if given == COLOUR:
+        return ColourSegmenter()
     return load_segmenter(find_model(None if given is None else str(given)), config)

@@ -12,19 +12,20 @@ import numpy as np
 from meshslam.geometry import Bools, Bytes, Floats
 from meshslam.perception.coco import VEHICLE_GROUP, association_group
 from meshslam.perception.suppression import Patch, outline_filled, share_out, shared_area_px, suppress_nested
+from meshslam.settings import Settings, expert, public
 
 
 @dataclass(frozen=True)
-class SegmenterConfig:
+class SegmenterConfig(Settings):
     """What is kept of a network's answers."""
 
-    score_threshold: float = 0.3
-    iou_threshold: float = 0.6  # boxes of one group that overlap by more are one object
-    nested_share: float = 0.75  # a mask with this share in another of its group is the same object
-    min_area_px: int = 80
-    max_instances: int = 100
-    zoom: float = 2.0  # a second look at the image's middle, enlarged, for what is far away; 1: none
-    max_side_px: int = 1280  # of the input of networks that leave its size open
+    score_threshold: float = public(0.3, low=0, high=1, doc="what the network is less confident of is dropped")
+    iou_threshold: float = expert(0.6, low=0, high=1)  # boxes of one group that overlap by more are one object
+    nested_share: float = expert(0.75, low=0, high=1)  # a mask with this share in another of its group is the same
+    min_area_px: int = expert(80, low=1, unit="px²")
+    max_instances: int = expert(100, low=1)
+    zoom: float = public(2.0, low=1, doc="enlargement of a second look at the image's middle, for what is far; 1: none")
+    max_side_px: int = expert(1280, low=32)  # of the input of networks that leave its size open
 
 
 @dataclass(frozen=True, eq=False)

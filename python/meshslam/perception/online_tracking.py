@@ -40,7 +40,7 @@ class OnlineTracker:
         for place, object_ in enumerate(tracker.order):
             number = object_.given if object_.given is not None else self._number(place)
             numbers.update(dict.fromkeys(object_.members, number))
-            object_.members = object_.members[-1:]  # what was numbered need not be kept
+            object_.members = []  # what was numbered need not be kept, and ids may be given anew in each frame
         return tuple(d.with_track(numbers[d.id]) if d.id in numbers else d for d in detections)
 
     def _number(self, place: int) -> int:
@@ -56,7 +56,7 @@ class OnlineTracker:
         tracker = self._tracker
         active = [next(i for i, o in enumerate(tracker.order) if o is a) for a in tracker.active]
         plain = {
-            "objects": [[o.given, o.members, o.missed] for o in tracker.order],
+            "objects": [[o.given, o.missed, o.views] for o in tracker.order],
             "active": active,
             "masks": [[o.tracked.group, o.tracked.left, o.tracked.top, o.tracked.image_size] for o in tracker.active],
             "numbers": sorted(self._number_of.items()),
@@ -75,8 +75,8 @@ class OnlineTracker:
         plain, tracker = json.loads(str(arrays["tracker"])), self._tracker
         gone = TrackedMask("", 0, 0, np.zeros((1, 1), np.uint8), (1, 1), *(np.zeros((0, 2)),) * 2, np.zeros(0))
         tracker.order = [
-            TrackedObject(gone, np.zeros(4), given, members, missed=missed)
-            for given, members, missed in plain["objects"]
+            TrackedObject(gone, np.zeros(4), given, [], missed=missed, views=views)
+            for given, missed, views in plain["objects"]
         ]
         tracker.active = [tracker.order[i] for i in plain["active"]]
         for i, (object_, (group, left, top, size)) in enumerate(zip(tracker.active, plain["masks"], strict=True)):

@@ -22,6 +22,7 @@ from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.flow import Flow, follow, grey, scale_and_shift
 from meshslam.perception.tracked_mask import TrackedMask, shared_area_px, tracked_mask
+from meshslam.settings import Settings, expert, public
 
 FORCED = 10.0  # score of a detection that was given to the object
 ENOUGH_POINTS = 4  # to tell where an object has gone
@@ -31,19 +32,17 @@ Turn = Callable[[int, int], Floats]  # two frames to the homography (3, 3) of fa
 
 
 @dataclass(frozen=True)
-class TrackerConfig:
+class TrackerConfig(Settings):
     """How detections are joined."""
 
-    tracker: Literal["hungarian", "paper"] = "hungarian"  # paper: greedy, and what is not matched is lost for good
-    categories: tuple[str, ...] = tuple(sorted(VEHICLES))
-    min_score: float = 0.3  # affinity of a match
-    min_overlap: float = 0.1  # likewise where there are no images, so that masks alone decide
-    size_factor: float = (
-        1.5  # boxes of one object in consecutive frames are within it; beyond: lost (paper) or less likely
-    )
-    max_gap: int = 5  # frames in a row in which an object may be missed
-    corners: int = 60  # that are followed per object
-    nested_share: float = 0.75  # a mask with this share inside a better one of its group is the same object
+    tracker: Literal["hungarian", "paper"] = public("hungarian", doc="paper: greedy, tracks that are lost end")
+    categories: tuple[str, ...] = public(tuple(sorted(VEHICLES)), doc="categories of the detections that are tracked")
+    min_score: float = expert(0.3, low=0, high=1)  # affinity of a match
+    min_overlap: float = expert(0.1, low=0, high=1)  # likewise where there are no images, so that masks alone decide
+    size_factor: float = expert(1.5, low=1)  # of boxes in consecutive frames; beyond: lost (paper) or less likely
+    max_gap: int = expert(5, low=0)  # frames in a row in which an object may be missed
+    corners: int = expert(60, low=1)  # that are followed per object
+    nested_share: float = expert(0.75, low=0, high=1)  # a mask with this share in a better one of its group is the same
 
 
 def track(
@@ -90,9 +89,10 @@ class TrackedObject:
     tracked: TrackedMask  # in the last frame: seen or predicted
     last_seen: Floats  # box, brought along as the camera turns
     given: int | None
-    members: list[int]  # ids of detections
+    members: list[int]  # ids of detections; online, of the newest frame's alone
     motion: Floats = field(default_factory=lambda: np.zeros(4))  # of the box, px a frame, without the camera's turning
     missed: int = 0
+    views: int = 1  # detections so far
 
 
 @dataclass
@@ -166,10 +166,11 @@ class Tracker:
     def _continue(self, object_: TrackedObject, detection: Detection, seen: TrackedMask) -> None:
         steps = object_.missed + 1
         motion = (seen.box - object_.last_seen) / steps
-        object_.motion = motion if len(object_.members) == 1 else 0.5 * (motion + object_.motion)
+        object_.motion = motion if object_.views == 1 else 0.5 * (motion + object_.motion)
         object_.tracked, object_.last_seen, object_.missed = seen, seen.box, 0
         object_.given = object_.given if object_.given is not None else detection.track_id
         object_.members.append(detection.id)
+        object_.views += 1
 
     def _start(self, detection: Detection, seen: TrackedMask) -> None:
         self.active.append(TrackedObject(seen, seen.box, detection.track_id, [detection.id]))

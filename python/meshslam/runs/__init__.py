@@ -1,6 +1,7 @@
 """Configuration and stages of a run: what the command line, notebooks and services call."""
 
 from meshslam.runs.api import evaluate, localize, map_drive, slam
+from meshslam.runs.commands import users, uses
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import run_localize
 from meshslam.runs.map_run import map_recording, run_map
@@ -8,7 +9,7 @@ from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import segment_frames, with_keypoints
 from meshslam.runs.report import save_localization_report, save_map_report
-from meshslam.runs.settings import overlaid, read_config, read_yaml, to_yaml
+from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
 from meshslam.runs.slam_run import run_slam
 from meshslam.runs.stages import metrics_json, open_input
 from meshslam.runs.truth import paths_against_truth, true_path
@@ -17,6 +18,7 @@ __all__ = [
     "Config",
     "InputConfig",
     "Outlet",
+    "configured",
     "evaluate",
     "imu_notes",
     "localize",
@@ -38,5 +40,7 @@ __all__ = [
     "slam",
     "to_yaml",
     "true_path",
+    "users",
+    "uses",
     "with_keypoints",
 ]

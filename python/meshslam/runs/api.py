@@ -16,7 +16,7 @@ from meshslam.runs.localize_run import localize_recording
 from meshslam.runs.map_run import MapResult, map_recording
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.slam_run import slam_recording
-from meshslam.sequences import Sequence, open_sequence
+from meshslam.sequences import Sequence
 
 Progress = Callable[[str, int, int], None]
 Drive = str | Path | Sequence
@@ -136,11 +136,6 @@ def _opened(
         chosen = replace(chosen, segmenter=str(segmenter))
     if category is not None:
         chosen = replace(chosen, category=category)
-    if isinstance(drive, Sequence):
-        recording = drive
-    elif chosen.imu is None and chosen.detections is None and chosen.imu_from_camera is None:
-        recording = open_sequence(drive, chosen.layout, chosen.camera)
-    else:
-        recording = stages.open_input(replace(chosen, sequence=str(drive)))
+    recording = drive if isinstance(drive, Sequence) else stages.open_input(replace(chosen, sequence=str(drive)))
     outlet = Outlet() if progress is None else Outlet(progress)
     return recording, replace(settings, input=chosen), outlet

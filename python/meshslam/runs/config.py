@@ -11,25 +11,26 @@ from meshslam.mapping import MappingConfig
 from meshslam.object_slam import SlamConfig
 from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, KeypointConfig, SegmenterConfig, TrackerConfig
+from meshslam.settings import Settings, public
 
 
 @dataclass(frozen=True)
-class InputConfig:
+class InputConfig(Settings):
     """What a run reads."""
 
-    sequence: str = ""
-    layout: str | None = None
-    camera: int | None = None
-    segmenter: str | None = None
-    detections: str | None = None
-    category: str = "car"
-    map: str | None = None  # of `localize`
-    imu: str | None = None  # CSV instead of the layout's own
-    imu_from_camera: str | None = None  # YAML or JSON, Kalibr's too
+    sequence: str = public("", doc="folder of the recording")
+    layout: str | None = public(None, doc="kitti-raw, kitti-odometry or folder, where the path does not tell")
+    camera: int | None = public(None, low=0, doc="which of the layout's cameras")
+    segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
+    detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
+    category: str = public("car", doc="category to map: a shipped one, or a file (.npz)")
+    map: str | None = public(None, doc="a run, its map.json, or an objects.json")
+    imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
+    imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(Settings):
     """Everything that decides a run's result: defaults, a YAML file over them, then flags; saved with every run."""
 
     input: InputConfig = field(default_factory=InputConfig)

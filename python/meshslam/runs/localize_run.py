@@ -45,7 +45,7 @@ def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
     scene = Map.load(Path(settings.input.map))
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("localize", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     clock = stages.Clock()

@@ -78,7 +78,7 @@ def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: Ru
 
 def run_map(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("map", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     made = map_recording(recording, settings, outlet, run)

@@ -47,7 +47,7 @@ def slam_recording(
 
 def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin(settings, out, overwrite=overwrite)
+    recording, run, done = stages.begin("slam", settings, out, overwrite=overwrite)
     if done is not None:
         return done
     clock = stages.Clock()

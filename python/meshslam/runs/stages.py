@@ -22,7 +22,7 @@ from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
-from meshslam.sequences import Sequence, camera_yaml, open_sequence, with_imu
+from meshslam.sequences import Sequence, camera_yaml, open_sequence
 
 
 @dataclass
@@ -50,16 +50,16 @@ def open_input(chosen: InputConfig) -> Sequence:
     """Open the recording that a run reads."""
     if not chosen.sequence:
         raise SequenceError("no recording is named: give its folder, or input.sequence in the configuration")
-    given = None if chosen.detections is None else Path(chosen.detections)
-    found = open_sequence(chosen.sequence, chosen.layout, chosen.camera, given)
-    imu, mounted = (None if path is None else Path(path) for path in (chosen.imu, chosen.imu_from_camera))
-    return found if imu is None and mounted is None else with_imu(found, imu, mounted)
+    given = (chosen.sequence, chosen.layout, chosen.camera, chosen.detections)
+    return open_sequence(*given, imu=chosen.imu, imu_from_camera=chosen.imu_from_camera)
 
 
-def begin(settings: Config, out: Path, *, overwrite: bool) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
-    """Open recording and run directory; also the run's figures, if it is there whole already."""
+def begin(
+    command: str, settings: Config, out: Path, *, overwrite: bool
+) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
+    """Open recording and run directory of a command; also the run's figures, if it is there whole already."""
     recording = open_input(settings.input)
-    run = RunDirectory.start(out, to_yaml(settings), version("meshslam"), overwrite=overwrite)
+    run = RunDirectory.start(out, to_yaml(settings, command), version("meshslam"), overwrite=overwrite)
     if not (run.has("metrics.json") and run.has("report.html")):
         return recording, run, None
     done: dict[str, float] = json.loads(run.path("metrics.json").read_text())

@@ -94,8 +94,9 @@ class SequenceFolder:
         )
 
 
-def read_camera_file(path: Path, report: Report) -> CameraFile:
-    """Read a camera.yaml; unknown keys are only noted."""
+def read_camera_file(path: Path, report: Report | None = None) -> CameraFile:
+    """Read a camera.yaml; unknown keys are only noted. SequenceError without a `report` that gathers what is wrong."""
+    report = Report() if report is None else report
     content = read_yaml(path)
     for key in content.keys() - set(CAMERA_KEYS):
         report.note(path, key, f"unknown key; known are {', '.join(CAMERA_KEYS)}")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from meshslam.errors import SequenceError
 from meshslam.sequences.folder import SequenceFolder
+from meshslam.sequences.imu_files import with_imu
 from meshslam.sequences.kitti_odometry import KittiOdometry
 from meshslam.sequences.kitti_raw import KittiRaw
 from meshslam.sequences.loader import Loader, LoadOptions
@@ -19,16 +20,32 @@ def open_sequence(
     path: Path | str,
     layout: str | None = None,
     camera_number: int | None = None,
-    detections_path: Path | None = None,
+    detections_path: Path | str | None = None,
+    *,
+    imu: Path | str | None = None,
+    imu_from_camera: Path | str | None = None,
 ) -> Sequence:
     """Load a recording: its layout is found from the path, or named.
 
-    `camera_number` chooses among a layout's cameras, `detections_path` takes the place of the layout's own detections.
-    SequenceError with the first thing that is missing, unreadable or contradictory. Truth files are not opened.
+    `camera_number` chooses among a layout's cameras. `detections_path`, a detections.json, takes the place of the
+    layout's own detections. `imu` is a CSV file and `imu_from_camera` a YAML or JSON file, Kalibr's too; both take the
+    place of the layout's own. SequenceError with the first thing that is missing, unreadable or contradictory. Truth
+    files are not opened.
+
+    Example:
+        drive = meshslam.open_sequence("06", imu="imu/06.csv", imu_from_camera="camera_from_imu.json")
+        drive.camera, len(drive), drive.times_s  # Camera, number of frames, (n,) seconds
+        drive.read_image(0)  # BGR (h, w, 3), undistorted
+        drive.imu.between(0.0, 0.1)  # the samples of the first 0.1 s
+
     """
     path = Path(path)
     loader = find_loader(path, layout)
-    return loader.load(path, _options(camera_number, detections_path), Report())
+    given = None if detections_path is None else Path(detections_path)
+    found = loader.load(path, _options(camera_number, given), Report())
+    if imu is None and imu_from_camera is None:
+        return found
+    return with_imu(found, *(None if file is None else Path(file) for file in (imu, imu_from_camera)))
 
 
 def find_loader(path: Path, layout: str | None = None) -> Loader:

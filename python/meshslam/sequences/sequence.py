@@ -13,7 +13,13 @@ from meshslam.sequences.images import load_image
 
 @dataclass(frozen=True, eq=False)
 class ImuSamples:
-    """Readings in the imu frame; at rest the specific force points up with 9.81 m/s²."""
+    """Readings in the imu frame; at rest the specific force points up with 9.81 m/s².
+
+    >>> import numpy as np
+    >>> imu = ImuSamples(np.array([0.0, 0.1, 0.2]), np.zeros((3, 3)), np.tile([0.0, 0.0, 9.81], (3, 1)))
+    >>> imu.rate_hz, imu.between(0.0, 0.15).times_s
+    (10.0, array([0.1]))
+    """
 
     times_s: Floats  # (n,), increasing
     angular_rate_rad_s: Floats  # (n, 3)
@@ -23,6 +29,11 @@ class ImuSamples:
     def rate_hz(self) -> float:
         """Samples a second over the whole recording; 0 for fewer than two."""
         return (len(self.times_s) - 1) / float(self.times_s[-1] - self.times_s[0]) if len(self.times_s) > 1 else 0.0
+
+    def between(self, after_s: float, until_s: float) -> ImuSamples:
+        """The samples with after_s < time <= until_s, seconds: what a stream brings from one frame to the next."""
+        new = (self.times_s > after_s) & (self.times_s <= until_s)
+        return ImuSamples(self.times_s[new], self.angular_rate_rad_s[new], self.specific_force_m_s2[new])
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
+from meshslam.settings import Settings, setting
 from meshslam.simulation.bodies import BodySource, procedural_bodies
 from meshslam.simulation.motion import ImuNoise
 from meshslam.simulation.recorded import PathFiles, recorded_street
@@ -17,21 +18,21 @@ _STREET = StreetConfig(bend_deg=10.0, moving_cars=2)
 
 
 @dataclass(frozen=True)
-class SimulationConfig:
+class SimulationConfig(Settings):
     """Everything that decides a simulated sequence's bytes; paths are those of files to read."""
 
-    seed: int = 0
+    seed: int = setting(0, low=0)  # the same seed and settings give the same bytes
     street: StreetConfig = _STREET
     imu_noise: ImuNoise = field(default_factory=ImuNoise)
     observer: ObserverConfig = field(default_factory=ObserverConfig)
-    noise: bool = False  # detections as a network would see them, by `observer`; else exact
-    keypoints: bool = True
-    known_poses: bool = True
-    poses: str | None = None
-    times: str | None = None
-    imu: str | None = None
-    imu_from_camera: str | None = None
-    start: int = 0
+    noise: bool = setting(False)  # detections as a network would see them, by `observer`; else exact
+    keypoints: bool = setting(True)  # write key points, or leave them to the network
+    known_poses: bool = setting(True)  # write poses.tum, or the truth alone
+    poses: str | None = setting(None)  # camera path to drive: TUM, or KITTI's NN.txt
+    times: str | None = setting(None)  # times of KITTI's poses, if not beside them
+    imu: str | None = setting(None)  # samples (CSV) that were recorded on that path
+    imu_from_camera: str | None = setting(None)  # how the recorded IMU is mounted: 4 × 4 in YAML or JSON
+    start: int = setting(0, low=0)  # first pose of the file to use
 
 
 DEMO = SimulationConfig(

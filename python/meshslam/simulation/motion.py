@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from meshslam.geometry import Floats, Pose
 from meshslam.motion import ImuConfig
 from meshslam.sequences import ImuSamples
+from meshslam.settings import Settings, setting
 
 RATE_HZ = 100.0
 MARGIN_S = 0.02  # of IMU samples before the first and after the last frame
@@ -21,18 +22,18 @@ IMU_FROM_CAMERA = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 
 
 
 @dataclass(frozen=True)
-class ImuNoise:
+class ImuNoise(Settings):
     """Errors of an IMU by their Allan parameters: white noise, and random walk of the bias; continuous densities.
 
     The defaults are those that localization reckons with.
     """
 
-    gyroscope_noise: float = ImuConfig.gyroscope_noise  # rad/s/sqrt(Hz)
-    accelerometer_noise: float = ImuConfig.accelerometer_noise  # m/s2/sqrt(Hz)
-    gyroscope_walk: float = ImuConfig.gyroscope_walk  # rad/s2/sqrt(Hz)
-    accelerometer_walk: float = ImuConfig.accelerometer_walk  # m/s3/sqrt(Hz)
-    gyroscope_bias_rad_s: float = ImuConfig.gyroscope_bias_sigma_rad_s  # standard deviation at the start
-    accelerometer_bias_m_s2: float = ImuConfig.accelerometer_bias_sigma_m_s2  # standard deviation at the start
+    gyroscope_noise: float = setting(ImuConfig.gyroscope_noise, low=0, unit="rad/s/√Hz")
+    accelerometer_noise: float = setting(ImuConfig.accelerometer_noise, low=0, unit="m/s²/√Hz")
+    gyroscope_walk: float = setting(ImuConfig.gyroscope_walk, low=0, unit="rad/s²/√Hz")
+    accelerometer_walk: float = setting(ImuConfig.accelerometer_walk, low=0, unit="m/s³/√Hz")
+    gyroscope_bias_rad_s: float = setting(ImuConfig.gyroscope_bias_sigma_rad_s, low=0)  # sigma at the start
+    accelerometer_bias_m_s2: float = setting(ImuConfig.accelerometer_bias_sigma_m_s2, low=0)  # sigma at the start
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,22 +19,23 @@ from meshslam.maps import PlyMesh, format_ply
 from meshslam.objects import signed_distance
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
 from meshslam.sequences import InitialState, format_tum, write_sequence_folder
+from meshslam.settings import Settings, setting
 from meshslam.simulation.motion import IMU_FROM_CAMERA, ImuNoise, ImuReadings, simulated_imu
 from meshslam.simulation.render import draw, render_image, visible
 from meshslam.simulation.street import Car, Street
 
 
 @dataclass(frozen=True)
-class ObserverConfig:
+class ObserverConfig(Settings):
     """How a network would see the street."""
 
-    border_sigma_px: float = 0.7  # of the masks' borders, smooth along them
-    keypoint_sigma_share: float = 0.01  # of the box's larger side
-    min_keypoint_sigma_px: float = 1.0
-    wild_share: float = 0.03  # of the key points lie anywhere in the box
-    keypoints: bool = True
-    min_area_px: int = 250
-    min_visible_share: float = 0.3
+    border_sigma_px: float = setting(0.7, low=0)  # of the masks' borders, smooth along them
+    keypoint_sigma_share: float = setting(0.01, low=0)  # of the box's larger side
+    min_keypoint_sigma_px: float = setting(1.0, low=0)
+    wild_share: float = setting(0.03, low=0, high=1)  # of the key points lie anywhere in the box
+    keypoints: bool = setting(True)
+    min_area_px: int = setting(250, low=0, unit="px²")  # of a mask that is seen
+    min_visible_share: float = setting(0.3, low=0, high=1)
 
 
 EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, min_keypoint_sigma_px=0.0, wild_share=0.0)
@@ -42,7 +43,7 @@ EXACT = ObserverConfig(border_sigma_px=0.0, keypoint_sigma_share=0.0, min_keypoi
 
 def write_recording(
     street: Street,
-    folder: Path,
+    folder: Path | str,
     observer: ObserverConfig | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     imu_noise: ImuNoise | None = None,
@@ -54,6 +55,7 @@ def write_recording(
     Moving cars are in `association.json`, not in `objects.json`: they have no one place. `known_poses` are those that
     may be used (poses.tum); the true path is there in any case. SequenceError if the folder cannot be written.
     """
+    folder = Path(folder)
     detections, object_of_annotation = observe(street, observer or ObserverConfig())
     imu = street.imu or _simulated(street, imu_noise or ImuNoise())
     write_sequence_folder(

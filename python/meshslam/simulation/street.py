@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Camera, Floats, Ints, Pose
+from meshslam.settings import Settings, setting
 from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
 from meshslam.simulation.fronts import Wall, walls_along
 from meshslam.simulation.motion import ImuReadings
@@ -20,32 +21,32 @@ _BEYOND_M = 10.0  # the last of cars that are spread begins so far after the dri
 
 
 @dataclass(frozen=True)
-class StreetConfig:
+class StreetConfig(Settings):
     """What a street is like: the camera's lane is the right one."""
 
-    frames: int = 28
-    frame_interval_s: float = 0.1
-    speed_m_s: float = 10.0
-    bend_deg: float = 0.0  # how far the road turns to one side and back, over `bend_length_m`
-    bend_length_m: float = 120.0
-    width_px: int = 800
-    height_px: int = 240
-    focal_px: float = 470.0
-    camera_height_m: float = 1.65
-    cars_each_side: int = 5
-    first_car_m: float = 8.0  # of the nearest parked cars' rear bumpers, from the first camera
-    min_gap_m: float = 0.8  # between parked cars
-    max_gap_m: float = 3.0
-    spread: bool = False  # cars stand evenly along the whole drive instead, left and right by turns
-    kerb_m: float = 4.9  # half the street's width, parked cars included
-    sway_m: float = 0.25  # of the camera in its lane
-    lane_m: float = 1.1  # half the distance of the two lanes' middles
-    max_z: float = 1.5  # of the mode weights of cars from a shape space, in standard deviations
-    moving_cars: int = 1  # ahead in the lane, then oncoming, by turns
-    moving_speed_m_s: float = 7.0
-    moving_start_m: float = 15.0  # of the first; oncoming ones come from `oncoming_start_m`
-    oncoming_start_m: float = 45.0
-    mode: Mode = "coloured"
+    frames: int = setting(28, low=1)
+    frame_interval_s: float = setting(0.1, above=0)
+    speed_m_s: float = setting(10.0, low=0)
+    bend_deg: float = setting(0.0, low=-180, high=180)  # how far the road turns to a side and back
+    bend_length_m: float = setting(120.0, above=0)
+    width_px: int = setting(800, low=1)
+    height_px: int = setting(240, low=1)
+    focal_px: float = setting(470.0, above=0)
+    camera_height_m: float = setting(1.65, above=0)
+    cars_each_side: int = setting(5, low=0)
+    first_car_m: float = setting(8.0)  # of the nearest parked cars' rear bumpers, from the first camera
+    min_gap_m: float = setting(0.8, low=0)  # between parked cars
+    max_gap_m: float = setting(3.0, low="min_gap_m")
+    spread: bool = setting(False)  # cars stand evenly along the whole drive instead, left and right by turns
+    kerb_m: float = setting(4.9, above=0)  # half the street's width, parked cars included
+    sway_m: float = setting(0.25)  # of the camera in its lane
+    lane_m: float = setting(1.1, low=0)  # half the distance of the two lanes' middles
+    max_z: float = setting(1.5, low=0)  # of the mode weights of cars from a shape space, in standard deviations
+    moving_cars: int = setting(1, low=0)  # ahead in the lane, then oncoming, by turns
+    moving_speed_m_s: float = setting(7.0, low=0)
+    moving_start_m: float = setting(15.0)  # of the first; oncoming ones come from `oncoming_start_m`
+    oncoming_start_m: float = setting(45.0)
+    mode: Mode = setting("coloured")  # contrast: bodies and key points in colours that tell them apart
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import torch
 from meshslam.geometry import Singles
 from meshslam.maps import write_atomically
 from meshslam.perception import Answers, answers_of, to_input
+from meshslam.settings import Settings, setting
 from meshslam.training.augment import varied
 from meshslam.training.dataset import Samples
 from meshslam.training.losses import total_loss
@@ -29,20 +30,20 @@ HELD_OUT = 2**32 - 1  # beside the seed: where the random numbers of the held-ou
 
 
 @dataclass(frozen=True)
-class TrainingConfig:
+class TrainingConfig(Settings):
     """What decides the weights."""
 
-    seed: int = 1
-    chunks: int = 45
-    chunk_size: int = CHUNK  # pictures
-    held_out_chunks: int = 5
-    epochs: int = 9
-    horizon: float = 4 / 3  # of the epochs: one rise and fall of the learning rate
-    cool_down: float = 5 / 9  # of the epochs, the last ones, in which it also fades out in a straight line
-    batch: int = 32
-    learning_rate: float = 3e-3  # at its peak
-    weight_decay: float = 1e-3
-    warm_up: float = 0.1  # share of the horizon
+    seed: int = setting(1, low=0)
+    chunks: int = setting(45, low=1)
+    chunk_size: int = setting(CHUNK, low=1)  # pictures
+    held_out_chunks: int = setting(5, low=0)
+    epochs: int = setting(9, low=1)
+    horizon: float = setting(4 / 3, above=0)  # of the epochs: one rise and fall of the learning rate
+    cool_down: float = setting(5 / 9, above=0)  # of the epochs, the last ones, in which it also fades out in a line
+    batch: int = setting(32, low=1)
+    learning_rate: float = setting(3e-3, above=0)  # at its peak
+    weight_decay: float = setting(1e-3, low=0)
+    warm_up: float = setting(0.1, above=0, below=1)  # share of the horizon
 
 
 def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report | None = None) -> KeypointNetwork:

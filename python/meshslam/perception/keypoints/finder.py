@@ -20,23 +20,24 @@ from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
 from meshslam.perception.keypoints.decode import ANGLES, KEYPOINTS, angle_distribution, laplace_sigma, points_in_input
 from meshslam.perception.keypoints.mirror import Answers, answers_of
+from meshslam.settings import Settings, expert, public
 
 SHIPPED = "car_keypoints.onnx"
 OUTPUTS = ("heat", "visible", "log_sigma", "angle")
 
 
 @dataclass(frozen=True)
-class KeypointConfig:
+class KeypointConfig(Settings):
     """How key points are found."""
 
-    enabled: bool = True
-    model: str | None = None  # an ONNX file instead of the shipped one
-    category: str = "car"  # whose key points the network knows; it is asked for every vehicle
-    min_box_px: float = 20.0  # of the longer side; smaller cars get none
-    edge_margin_px: float = 10.0  # nor do those that the image's edge cuts: their part is taken for a whole car
-    batch: int = 8
-    sigma_factor: float = 1.0  # real images over drawn ones
-    threads: int = 2
+    enabled: bool = public(True, doc="find key points of cars with the shipped network, where there are images")
+    model: str | None = public(None, doc="an ONNX file instead of the shipped one")
+    category: str = expert("car")  # whose key points the network knows; it is asked for every vehicle
+    min_box_px: float = expert(20.0, low=0)  # of the longer side; smaller cars get none
+    edge_margin_px: float = expert(10.0, low=0)  # nor do those that the image's edge cuts: a part is taken for a whole
+    batch: int = expert(8, low=1)
+    sigma_factor: float = expert(1.0, above=0)  # real images over drawn ones
+    threads: int = expert(2, low=1)
 
 
 @dataclass(frozen=True, eq=False)
