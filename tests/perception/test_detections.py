@@ -130,7 +130,6 @@ BROKEN = {  # path in the file, value (None: delete), what the message says
     "NaN polygon": ("annotations.2.segmentation", [[1, 2, 3, 4, 5, NAN]], "segmentation: has a polygon 0"),
     "far polygon": ("annotations.2.segmentation", [[1, 2, 3, 4, 1e9, 6]], "far outside"),
     "no mask": ("annotations.1.segmentation", None, "annotations[1] (id 2): segmentation: is missing"),
-    "no bbox": ("annotations.1.bbox", None, "annotations[1] (id 2): bbox: is missing"),
     "short bbox": ("annotations.1.bbox", [1, 2, 3], "bbox: found [1, 2, 3]"),
     "negative bbox": ("annotations.1.bbox", [1, 2, 3, -4], "bbox: found [1, 2, 3, -4]"),
     "NaN bbox": ("annotations.1.bbox", [1, 2, 3, NAN], "bbox: found NaN"),

@@ -20,9 +20,9 @@ def check(
 
     Example: meshslam check 2011_09_26/2011_09_26_drive_0048_sync
     """
-    from meshslam.sequences import check_sequence
+    from meshslam.runs import check_recording
 
-    found = check_sequence(sequence, layout, camera, detections)
+    found = check_recording(sequence, layout, camera, detections)
     for entry in found:
         print(f"note: {entry}" if entry.severity == "note" else entry)
     if any(entry.severity == "problem" for entry in found):

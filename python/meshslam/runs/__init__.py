@@ -1,6 +1,7 @@
 """Configuration and stages of a run: what the command line, notebooks and services call."""
 
 from meshslam.runs.api import evaluate, localize, map_drive, slam
+from meshslam.runs.checking import check_recording
 from meshslam.runs.commands import users, uses
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import run_localize
@@ -18,6 +19,7 @@ __all__ = [
     "Config",
     "InputConfig",
     "Outlet",
+    "check_recording",
     "configured",
     "evaluate",
     "imu_notes",

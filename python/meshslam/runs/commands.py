@@ -4,7 +4,7 @@ from __future__ import annotations
 
 _RECORDING = ("input.sequence", "input.layout", "input.camera", "input.imu", "input.imu_from_camera")
 _PERCEPTION = ("input.segmenter", "segmentation", "colour", "keypoints")
-_SEEN = (*_RECORDING, "input.detections", *_PERCEPTION)
+_SEEN = (*_RECORDING, "input.detections", "input.category_names", *_PERCEPTION)
 _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them

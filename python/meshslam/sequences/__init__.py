@@ -1,7 +1,6 @@
 """Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
 
 from meshslam.sequences.check import check_sequence
-from meshslam.sequences.detection_schema import LEAST_ANGLES
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder import read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
@@ -16,7 +15,6 @@ from meshslam.sequences.tum import format_tum, read_tum
 from meshslam.sequences.turning import turns
 
 __all__ = [
-    "LEAST_ANGLES",
     "LOADERS",
     "WORLD_FROM_FIRST_CAMERA",
     "Distortion",

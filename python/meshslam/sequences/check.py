@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.sequences.detection_schema import check_detections
 from meshslam.sequences.images import load_image
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.registry import find_loader
@@ -27,7 +26,7 @@ def check_sequence(
 ) -> list[Problem]:
     """Look at everything that a run would read, every image too; an empty list means that nothing is wrong.
 
-    Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes, the detections' schema.
+    Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes. Detections are checked elsewhere.
     """
     path, report = Path(path), Report(collect=True)
     sequence = None
@@ -42,9 +41,6 @@ def check_sequence(
         report.attempt(partial(load_image, image, None if raw is None else (raw.width, raw.height)))
     if sequence is not None:
         _check_imu(sequence, report)
-    detections = options.detections_path or path / "detections.json"
-    if options.detections_path is not None or detections.is_file():
-        check_detections(detections, sequence, report)
     return report.problems
 
 

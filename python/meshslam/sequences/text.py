@@ -24,9 +24,9 @@ class Table:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 file; FoundError if it is missing or unreadable."""
+    """Read a UTF-8 file, a byte order mark at its start or not; FoundError if it is missing or unreadable."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise fail(path, "", "no such file") from None
     except (OSError, UnicodeDecodeError) as error:
