@@ -4,7 +4,8 @@ from meshslam.perception.boxes import are_near, nearness_on_ground
 from meshslam.perception.class_names import renamings, untracked
 from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
 from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
-from meshslam.perception.conversion.coco_results import from_coco_results
+from meshslam.perception.conversion.class_numbers import read_class_names
+from meshslam.perception.conversion.coco_results import counted_from_one, from_coco_results
 from meshslam.perception.conversion.frames import ImageFrames
 from meshslam.perception.conversion.mots import from_mots_png, from_mots_txt
 from meshslam.perception.conversion.openpifpaf import with_openpifpaf
@@ -68,6 +69,7 @@ __all__ = [
     "body_colour_bgr",
     "check_detections",
     "corners",
+    "counted_from_one",
     "cut_out",
     "detect",
     "encode_mask",
@@ -84,6 +86,7 @@ __all__ = [
     "peak_angle",
     "point_colour_bgr",
     "points_in_input",
+    "read_class_names",
     "read_detections",
     "read_recorded_detections",
     "renamings",
