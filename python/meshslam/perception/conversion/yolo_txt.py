@@ -15,7 +15,7 @@ from meshslam.perception.coco import COCO_CLASSES
 from meshslam.perception.conversion.class_numbers import class_note
 from meshslam.perception.conversion.frames import Found, ImageFrames, files_in, frame_of, gathered, lines_of, numbers_of
 from meshslam.perception.detections import DetectionSet
-from meshslam.perception.json_values import LARGEST_NUMBER, quoted
+from meshslam.perception.json_values import LARGEST_NUMBER
 
 _ID = re.compile(r"[1-9]\d{0,15}", re.ASCII)  # as trackers write it: no dot, from 1 on
 _BORDER = 0.99  # share of the image's height from which on a point may be at its lower border
@@ -100,6 +100,8 @@ def _last_is_track(lines: Sequence[_Line]) -> bool:
 
 def _found(line: _Line, kinds: _Kinds, frames: ImageFrames, names: Mapping[int, str]) -> Found:
     where, values = line.where, numbers_of(line.words, line.where)
+    if len(values) < 5:
+        raise DetectionError(f"{where}: found {len(values)} numbers, expected a class and at least three points")
     track = score = None
     if kinds.pairs_have_track if line.has_pairs else kinds.last_is_track:
         track = _track(values.pop(), where)
@@ -112,9 +114,7 @@ def _found(line: _Line, kinds: _Kinds, frames: ImageFrames, names: Mapping[int, 
     index = values[0]
     if index != int(index) or int(index) not in names:
         known = ", ".join(map(str, sorted(names)[:3]))
-        raise DetectionError(
-            f"{where}: class {quoted(line.words[0])}: expected one of {known} ... (--names gives names)"
-        )
+        raise DetectionError(f"{where}: class {index:g}: expected one of {known} ... (--names gives names)")
     points = np.array(values[1:]).reshape(-1, 2)
     if points.min() < -0.01 or points.max() > 1.01 or not 0 <= (1.0 if score is None else score) <= 1:
         raise DetectionError(f"{where}: coordinates and score must lie between 0 and 1")
