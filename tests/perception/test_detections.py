@@ -238,3 +238,8 @@ def test_polygons_cover_what_they_enclose():
     expected[5:12, 5:15] = 1
     expected[20:25, 20:25] = 1
     np.testing.assert_array_equal(mask, expected)
+
+
+def test_packed_runs_beyond_the_image_are_named_by_their_range():
+    huge = "PPPPPPPP1"  # 2^40
+    assert "has counts from" in segmentation_problem({"size": [20, 30], "counts": huge}, 20, 30)

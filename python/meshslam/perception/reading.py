@@ -310,7 +310,9 @@ def _shares(row: dict[str, Any]) -> Floats | None:
     if not isinstance(given, list) or len(given) < LEAST_ANGLES:
         raise DetectionError(f"{key}: expected a list of at least {LEAST_ANGLES} shares")
     values = np.array([number(value, key) for value in given])
-    if (values < 0).any() or not 0 < float(values.sum()) < float("inf"):
+    with np.errstate(over="ignore"):
+        total = float(values.sum())
+    if (values < 0).any() or not 0 < total < float("inf"):
         raise DetectionError(f"{key}: expected shares that are not negative, and not all 0")
     return values
 

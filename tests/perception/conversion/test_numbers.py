@@ -113,7 +113,9 @@ def test_mots_ids_below_zero_are_no_tracks_and_the_set_can_be_read_again(tmp_pat
     frames = ImageFrames((5, 6), 28, 28, first=1)
     path = tmp_path / "mots.txt"
     path.write_text(f"1 -1 1 28 28 {COUNTS}\n2 1004 1 28 28 {COUNTS} \n\n")
-    (tmp_path / "d.json").write_bytes(write_detections(from_mots_txt(path, frames)))
+    found = from_mots_txt(path, frames)
+    assert [d.track_id for d in found.detections] == [None, 1004]
+    (tmp_path / "d.json").write_bytes(write_detections(found))
     assert [(d.frame, d.track_id) for d in read_detections(tmp_path / "d.json").detections] == [(5, None), (6, 1004)]
 
 
