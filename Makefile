@@ -2,13 +2,14 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+DOCS := .venv-docs
 STAMP := $(VENV)/.setup-done
 RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock rustfmt.toml
 
 export OMP_NUM_THREADS ?= 2
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 
-.PHONY: help setup demo test lint format bench bench-render fuzz clean
+.PHONY: help setup demo test lint docs format bench bench-render fuzz clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -43,6 +44,14 @@ lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, 
 	$(BIN)/python scripts/check_core_modules.py
 	$(BIN)/python -m mypy.stubtest meshslam._core
 
+$(DOCS)/.packages: docs/requirements.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/pip install --quiet --disable-pip-version-check --requirement docs/requirements.txt
+	@touch $@
+
+docs: $(DOCS)/.packages ## the site, from docs/ and the docstrings: site/index.html, which opens offline; warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --quiet
+
 format: setup ## format and mend what can be mended
 	cargo fmt --all
 	$(BIN)/ruff check --fix --quiet .
@@ -62,4 +71,4 @@ fuzz: ## hostile input to the core's entry points for FUZZ_SECONDS (600), with o
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 
 clean: ## remove what was built
-	rm -rf $(VENV) target demo benchmarks/out
+	rm -rf $(VENV) $(DOCS) target demo site benchmarks/out

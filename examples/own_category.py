@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from meshslam.categories import MeshOptions, category_from_meshes, load_category, save_category
+from meshslam.categories import MeshOptions, category_from_meshes, save_category
 from meshslam.geometry import Camera, Pose, render, voxel_iou
 from meshslam.mapping import object_from_masks
 
@@ -40,8 +40,9 @@ def main() -> None:
             meshes = [Path(folder, "bin.ply")]
             bin_mesh(1.2, 1.0, 1.3).export(meshes[0])
         axes = MeshOptions(forward=options.forward, up=options.up, scale=options.scale)
-        save_category(category_from_meshes(options.name, meshes, keypoints=None, options=axes), file)
-        category = load_category(file)
+        category, notes = category_from_meshes(options.name, meshes, options=axes)
+        print(*notes, sep="\n", end="\n" if notes else "")
+        save_category(category, file)  # load_category(file) reads it
     size, modes = np.round(category.dimensions, 2), len(category.modes)
     print(f"{category.name}: {len(category.vertices)} vertices, {modes} modes, mean size {size} m")
 

@@ -29,7 +29,7 @@ def python_tests(arguments: list[str]) -> tuple[int, int, int, bool]:
     """Passed, failed, skipped of the package's tests, and whether pytest was content."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
-        workers = ["-n", str(min(4, os.cpu_count() or 1)), "--dist", "loadgroup"]
+        workers = ["-n", str(min(4, os.cpu_count() or 1)), "--dist", "loadfile"]  # what a file sets up is made once
         command = [sys.executable, "-m", "pytest", *workers, f"--junitxml={report}", *arguments]
         code = subprocess.run(command, cwd=ROOT, check=False).returncode
         suite = ET.parse(report).getroot().find("testsuite") if report.exists() else None

@@ -33,6 +33,7 @@ _UNITS = {
     "_deg": "deg",
     "_rad": "rad",
 }
+_TOO_LARGE = 2**63  # for the core's integers
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -183,7 +184,10 @@ class Setting:
             return value in self.literals
         if isinstance(value, bool) or not isinstance(value, Real):
             return type(value) in self.types
-        right = (float in self.types and math.isfinite(value)) or (int in self.types and isinstance(value, Integral))
+        if isinstance(value, Integral):
+            right = bool({int, float} & set(self.types)) and abs(int(value)) < _TOO_LARGE
+        else:
+            right = float in self.types and math.isfinite(value)
         return right and self.about.bounds.hold(float(value), others)
 
 

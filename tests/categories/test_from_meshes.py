@@ -7,7 +7,7 @@ import trimesh
 from meshslam.categories import load_category, save_category
 from meshslam.categories.category import category_bytes
 from meshslam.categories.from_meshes import MeshOptions, category_from_meshes, size_modes
-from meshslam.errors import CategoryError
+from meshslam.errors import CategoryError, ConfigError
 from meshslam.geometry import voxel_iou
 
 FLIP = np.array([1.0, -1.0, 1.0])
@@ -101,13 +101,13 @@ def test_size_modes_stretch_by_their_share(car):
         ("../x", {}, "no category name"),
         ("car", {"scale": 0.0}, "scale"),
         ("car", {"scale": float("nan")}, "scale"),
-        ("car", {"size_sigma": 0.7}, "size sigma"),
-        ("car", {"modes": -1}, "modes -1"),
+        ("car", {"size_sigma": 0.7}, "size_sigma"),
+        ("car", {"modes": -1}, "modes.*-1"),
         ("car", {"forward": "x", "up": "x"}, "one axis"),
     ],
 )
 def test_wrong_options_are_named(files, name, options, message):
-    with pytest.raises(CategoryError, match=message):
+    with pytest.raises((CategoryError, ConfigError), match=message):
         category_from_meshes(name, files[0][:1], None, MeshOptions(**options))
 
 

@@ -8,8 +8,6 @@ from meshslam.maps import Map
 from tests.cli.conftest import error_of, meshslam
 from tests.perception.networks import other_network
 
-pytestmark = pytest.mark.xdist_group("bad")
-
 
 def replaced(name, pattern, text):
     def change(folder):
@@ -35,6 +33,12 @@ def first_lines(name, count):
         (folder / name).write_text("".join((folder / name).read_text().splitlines(keepends=True)[:count]))
 
     return change
+
+
+def another_clock(folder):
+    file = folder / "poses.tum"
+    rows = [line.split(maxsplit=1) for line in file.read_text().splitlines()]
+    file.write_text("".join(f"{float(time_s) + 1e6:.9f} {pose}\n" for time_s, pose in rows))
 
 
 def document(edit):
@@ -75,7 +79,7 @@ BROKEN = {
     "NaN in calibration": (replaced("camera.yaml", r"190\.0", ".nan"), "camera.yaml", "intrinsics"),
     "times that go back": (line("times.txt", 4, "0.05"), "times.txt", "line 4"),
     "NaN in times": (line("times.txt", 4, "nan"), "times.txt", "line 4"),
-    "poses fewer than frames": (first_lines("poses.tum", 3), "poses.tum", "3 poses, 6 frames"),
+    "poses of another clock": (another_clock, "poses.tum", "another clock"),
     "NaN in poses": (line("poses.tum", 4, "0.3 nan 0 0 0 0 0 1"), "poses.tum", "line 4"),
     "no poses": (lambda folder: (folder / "poses.tum").unlink(), "street", "poses"),
     "unknown category": (annotation(category_id=9), "detections.json", "category_id"),
@@ -129,6 +133,42 @@ def test_what_does_not_exist_is_named(source, tmp_path):
     assert "kitti-raw" in error_of(meshslam("map", source, "--out", run, "--layout", "nonsense"))
     assert "hungarian" in error_of(meshslam("map", source, "--out", run, "--tracker", "nonsense"))
     assert "car" in error_of(meshslam("map", source, "--out", run, "--category", "boat"))
+
+
+WRONG_SETTINGS = {
+    "out of range": ("map", "mapping: {min_views: -3}", "mapping.min_views: expected a whole number of at least 1"),
+    "text for a number": (
+        "map",
+        "mapping: {max_distance_m: far}",
+        "mapping.max_distance_m: expected a number above 0 (m)",
+    ),
+    "a list for a number": ("map", "mapping: {min_views: [3, 4]}", "found [3, 4]"),
+    "a typing error": ("map", "mapping: {min_vews: 3}", "did you mean mapping.min_views?"),
+    "a name of 0.1": ("map", "mapping: {noise: {border_kernel: 2}}", "expert: {objects: {noise: {border_kernel: 2}}}"),
+    "of another command": ("map", "slam: {lag_s: 3}", "map does not use slam.lag_s (slam does): remove it"),
+    "of another command's own": ("slam", "localization: {solver: gradient}", "slam.solver: give that one"),
+    "an expert one in public": ("map", "mapping: {passes: 1}", "write expert: {mapping: {passes: 1}}"),
+    "a public one among experts": ("map", "expert: {mapping: {min_views: 3}}", "write mapping: {min_views: 3}"),
+    "for detect": ("detect", "tracking: {tracker: paper}", "detect does not use tracking.tracker (map and slam do)"),
+    "for localize": ("localize", "mapping: {min_views: 3}", "localize does not use mapping.min_views"),
+    "for simulate": (
+        "simulate",
+        "street: {frames: 0}",
+        "street.frames: expected a whole number of at least 1, found 0",
+    ),
+    "unknown to simulate": ("simulate", "street: {frame: 3}", "did you mean street.frames?"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_SETTINGS)
+def test_a_wrong_setting_is_named_with_what_to_write(source, tmp_path, name):
+    command, text, said = WRONG_SETTINGS[name]
+    (tmp_path / "settings.yaml").write_text(text)
+    places = [tmp_path / "run"] if command == "simulate" else [source, "--out", tmp_path / "run"]
+    error = error_of(meshslam(command, *places, "--config", tmp_path / "settings.yaml"))
+    assert error.startswith(f"error: {tmp_path / 'settings.yaml'}: ")
+    assert said in error
+    assert not (tmp_path / "run").exists()
 
 
 def test_networks_that_are_none_are_named(source, tmp_path):

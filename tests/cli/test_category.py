@@ -7,8 +7,6 @@ import trimesh
 from meshslam.categories import load_category
 from tests.cli.conftest import done, error_of, meshslam
 
-pytestmark = pytest.mark.xdist_group("category")
-
 
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory):

@@ -9,7 +9,6 @@ from meshslam.maps import Map, Trajectory
 from meshslam.viewing import can_record
 from tests.cli.conftest import done, error_of, estimate, meshslam
 
-pytestmark = pytest.mark.xdist_group("street")
 COMMANDS = (
     ["map"],
     ["detect"],

@@ -54,7 +54,6 @@ MOMENTS = {
 
 
 @pytest.mark.data
-@pytest.mark.xdist_group("four")
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_killed_run_is_taken_up_again(four_frames, four_frames_run, network, tmp_path, moment):
     run = tmp_path / "run"
@@ -73,7 +72,6 @@ def test_a_killed_run_is_taken_up_again(four_frames, four_frames_run, network, t
     assert not list(run.rglob("*.meshslam-part"))
 
 
-@pytest.mark.xdist_group("street")
 @pytest.mark.parametrize("moment", ["perception", "saving"])
 def test_ctrl_c_ends_with_130_and_leaves_only_whole_files(source, source_run, tmp_path, moment):
     run = tmp_path / "run"
@@ -91,7 +89,6 @@ def test_ctrl_c_ends_with_130_and_leaves_only_whole_files(source, source_run, tm
     assert estimate(run) == estimate(source_run)
 
 
-@pytest.mark.xdist_group("street")
 def test_a_disk_that_takes_nothing_is_one_error(source, tmp_path):
     if os.geteuid() == 0:
         target = "/proc/nothing"  # the superuser may write anywhere else
@@ -105,7 +102,6 @@ def test_a_disk_that_takes_nothing_is_one_error(source, tmp_path):
 
 
 @pytest.mark.data
-@pytest.mark.xdist_group("four")
 def test_masks_of_a_run_are_those_that_detect_writes(four_frames, four_frames_run, network, tmp_path):
     done("detect", four_frames, "--segmenter", network, "--out", tmp_path / "found.json")
     plain = json.loads((tmp_path / "found.json").read_text())
@@ -117,7 +113,6 @@ def test_masks_of_a_run_are_those_that_detect_writes(four_frames, four_frames_ru
 
 
 @pytest.mark.data
-@pytest.mark.xdist_group("four")
 def test_detections_of_a_file_give_the_map_of_the_network(four_frames, four_frames_run, network, tmp_path):
     done("detect", four_frames, "--segmenter", network, "--out", tmp_path / "found.json")
     done("map", four_frames, "--detections", tmp_path / "found.json", "--out", tmp_path / "run")

@@ -9,8 +9,6 @@ from meshslam.sequences import camera_yaml, open_sequence
 from tests.cli.conftest import done, error_of, meshslam
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, samples_of
 
-pytestmark = pytest.mark.xdist_group("localize")
-
 
 @pytest.fixture(scope="module")
 def drive(source, tmp_path_factory):

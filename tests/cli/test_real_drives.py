@@ -25,7 +25,6 @@ def run_0048(table_0048):
     return table_0048 / "0_2011_09_26_drive_0048_sync"
 
 
-@pytest.mark.xdist_group("0048")
 def test_each_column_of_the_papers_table_is_passed_on_drive_0048(table_0048):
     (row,) = json.loads((table_0048 / "kitti.json").read_text())["rows"]
     assert row["frames"] == 22
@@ -38,7 +37,6 @@ def test_each_column_of_the_papers_table_is_passed_on_drive_0048(table_0048):
         assert (table_0048 / f"drive0_{part}.png").stat().st_size > 10_000
 
 
-@pytest.mark.xdist_group("0048")
 def test_the_cars_of_drive_0048_are_mapped_and_fit_their_masks(run_0048):
     found = Map.load(run_0048)
     assert len(found) >= 8
@@ -58,14 +56,12 @@ def test_the_cars_of_drive_0048_are_mapped_and_fit_their_masks(run_0048):
         assert thing.world_from_object.rotation[2, 2] > 0.97, thing.id
 
 
-@pytest.mark.xdist_group("0048")
 def test_meshes_of_drive_0048_fit_the_masks_by_the_independent_scorer(run_0048, data_folder):
     figures = score(data_folder, "--masks", run_0048)
     assert figures["mask_iou_mean"] >= 0.86
     assert figures["share_mapped"] >= 0.8
 
 
-@pytest.mark.xdist_group("0048")
 def test_the_truck_of_drive_0048_moves_and_is_not_in_the_map(run_0048):
     """The orange truck, called a car at first, comes towards the camera: in frame 3 it covers pixel (263, 250)."""
     document = json.loads((run_0048 / "detections.json").read_text())
@@ -75,7 +71,6 @@ def test_the_truck_of_drive_0048_moves_and_is_not_in_the_map(run_0048):
     assert not trucks & {thing.id for thing in Map.load(run_0048).objects}
 
 
-@pytest.mark.xdist_group("06")
 def test_cars_of_odometry_06_lie_on_their_lidar_points(data_folder, network, tmp_path):
     done("map", data_folder / "kitti_odometry" / "06", "--segmenter", network, "--out", tmp_path / "run")
     lidar = data_folder / "kitti_odometry" / "06" / "lidar_cars.npz"
@@ -86,7 +81,6 @@ def test_cars_of_odometry_06_lie_on_their_lidar_points(data_folder, network, tmp
         assert objects[name]["p90_m"] <= 0.30, name
 
 
-@pytest.mark.xdist_group("street0001")
 def test_a_street_of_parked_cars_is_mapped_whole(data_folder, tmp_path):
     kitti, street = data_folder / "kitti_tracking" / "0001", tmp_path / "street"
     files = ["--labels", kitti / "label_02.txt", "--poses", kitti / "poses.txt", "--intrinsics", kitti / "camera.yaml"]

@@ -22,6 +22,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "python").glob("*.md"))]
 TEXTS = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASES.md", "STYLE.md")]
 TEXTS += sorted((ROOT / "docs").rglob("*.md"))
+CODE = ("python", "tests", "crates", "scripts", "benchmarks", "examples", "docs")
+NOT_OURS = ("score_run.py", "make_case.py")  # they judge the package from outside
 SKIPPED = re.compile(r"<!-- not run: .+ -->\n```python\n")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
@@ -76,7 +78,6 @@ def shapes_said(code):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 @pytest.mark.usefixtures("segmenter_by_colour")
-@pytest.mark.xdist_group("documents")
 def test_code_of_a_page_runs_and_shapes_are_as_it_says(page, folder, tmp_path, monkeypatch):
     text = SKIPPED.sub("```text\n", page.read_text(encoding="utf-8"))
     code = "\n".join(found for language, found in FENCE.findall(text) if language == "python")
@@ -130,22 +131,16 @@ def test_targets_of_make_exist():
 
 
 def test_files_of_the_code_that_pages_name_exist():
-    places = [ROOT, ROOT / "python" / "meshslam", ROOT / "crates" / "core" / "src", ROOT / "crates" / "core"]
-    known = {
-        p.name
-        for place in ("python", "tests", "crates", "scripts", "benchmarks", "examples", "docs")
-        for p in (ROOT / place).rglob("*")
-        if p.suffix in (".py", ".rs")
-    }
+    code = [p for place in CODE for p in (ROOT / place).rglob("*") if p.suffix in (".py", ".rs")]
     for page in TEXTS:
         for name in re.findall(r"`([\w/]+\.(?:py|rs))[:`]", page.read_text(encoding="utf-8")):
-            exists = any((place / name).exists() for place in places) if "/" in name else name in known
-            core = name.count("/") == 1 and Path(name).suffix == ".rs" and Path(name).name in known
-            assert exists or core, f"{page.relative_to(ROOT)}: {name}"
+            found = any(p.as_posix().endswith(f"/{name}") for p in code)
+            assert found or name in NOT_OURS, f"{page.relative_to(ROOT)}: {name}"
 
 
 def test_links_between_files_of_the_repository_lead_somewhere():
     for page in TEXTS:
         for target in re.findall(r"\]\(([^)#]+)(?:#[\w-]*)?\)", page.read_text(encoding="utf-8")):
-            if "://" not in target:
+            made = page.parent.name == "reference"  # pages of rooms are made while the site is built, which checks them
+            if "://" not in target and not made:
                 assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}"

@@ -69,7 +69,7 @@ def test_every_displacement_that_is_found_is_counted_and_is_a_factor(measured):
     assert road.count == len(displacements(smoother)) == len(asked) > 3
     keys = {entry.keys for entry in displacements(smoother)}
     assert len(keys) == road.count  # each between two other frames
-    assert all(np.linalg.norm(b.translation - a.translation) >= CONFIG.baseline_m for a, b in asked)
+    assert all(np.linalg.norm(b.translation - a.translation) >= CONFIG.min_baseline_m for a, b in asked)
 
 
 def test_what_the_texture_does_not_tell_is_neither_counted_nor_a_factor(measured):

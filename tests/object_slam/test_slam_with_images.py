@@ -26,7 +26,6 @@ from meshslam.simulation import (
 from tests.fixtures.equality import same
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m
 
-pytestmark = pytest.mark.xdist_group("slam with images")  # its runs are made once
 ROUNDING = 1e-7  # the last bits of linear algebra vary with memory's alignment
 SMALL = StreetConfig(frames=16, width_px=400, height_px=130, focal_px=235.0, cars_each_side=3, moving_cars=0)
 ROAD = RoadConfig(chord_m=3.0, step_px=1, min_distance_m=3.0, min_correlation=0.1, min_drop=0.0)  # of small images

@@ -83,6 +83,16 @@ def test_what_is_expected_of_an_object_is_the_same(with_images):
             assert held[f"boxes_{i}"] == pytest.approx(np.stack([object_.last_seen, object_.motion]))
 
 
+def test_the_motion_of_a_box_is_the_mean_of_its_last_step_and_what_it_was():
+    steps = [18, 2, 18, 2, 6]
+    scene, tracker, expected = Scene([swerving(20, 20, 40, 40, steps)], 6), OnlineTracker(), None
+    for (found, _), step in zip(frames_of(scene, False), [None, *steps], strict=True):
+        tracker.process(found)
+        if step is not None:
+            expected = step if expected is None else 0.5 * (step + expected)
+            assert tracker.to_arrays()["boxes_0"][1] == pytest.approx([expected, 0, expected, 0])
+
+
 def test_ids_of_detections_may_be_given_anew_in_each_frame():
     """A stream has no file whose ids are unique: the object that is missed leaves the others their numbers."""
     boxes = [steady(20, 20, 50, 40, 9), steady(250, 30, 40, 30, -6)]
@@ -127,6 +137,18 @@ def test_saved_in_the_middle_it_goes_on_in_the_same_way(scene, with_images, afte
     assert json.loads(str(one.pop("tracker"))) == json.loads(str(other.pop("tracker")))
     assert one.keys() == other.keys()
     assert all(np.array_equal(one[name], other[name]) for name in one)
+
+
+def test_a_number_is_kept_though_those_before_it_are_free_again():
+    """The first object gets the number 9 by a detection; once saved and loaded, the second is still 2."""
+    scene = SCENES["steady"]()
+    late = {d.id: 9 for d in scene.detections.detections if scene.truth[d.id] == 0 and d.frame == 3}
+    frames = frames_of(scene, True, scene.detections.with_tracks(late))
+    first, second = OnlineTracker(), OnlineTracker()
+    online(frames[:5], first)
+    second.fill(first.to_arrays())
+    found = online(frames[5:], second)
+    assert {scene.truth[d]: n for d, n in found.items()} == {0: 9, 1: 2, 2: 3}
 
 
 def test_numbers_go_on_where_they_were_saved():

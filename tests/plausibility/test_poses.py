@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose, exp_so3
-from meshslam.plausibility import CONVENTIONS, in_convention, judge_mounting, judge_poses
-from meshslam.sequences import open_sequence
+from meshslam.plausibility import judge_mounting, judge_poses
+from meshslam.sequences import CONVENTIONS, in_convention, open_sequence
 
 WORLD_FROM_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 

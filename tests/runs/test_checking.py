@@ -7,8 +7,8 @@ import pytest
 
 from meshslam.errors import DetectionError
 from meshslam.perception import read_recorded_detections
-from meshslam.runs import check_recording
-from meshslam.sequences import open_sequence, write_sequence_folder
+from meshslam.runs.checking import detection_problems
+from meshslam.sequences import inspect_sequence, open_sequence, write_sequence_folder
 from tests.sequences.conftest import CAMERA, FRAMES, coco_document
 
 
@@ -16,6 +16,12 @@ from tests.sequences.conftest import CAMERA, FRAMES, coco_document
 def folder(tmp_path):
     """A sequence folder with detections alone."""
     return write_sequence_folder(tmp_path / "s", CAMERA, np.arange(FRAMES) * 0.1, detections=coco_document())
+
+
+def check_recording(folder, detections_path=None):
+    """What `check` says of files, without its judgements."""
+    recording, problems = inspect_sequence(folder, detections_path=detections_path)
+    return [*problems, *detection_problems(folder, detections_path, recording)]
 
 
 def changed(**changes):
@@ -139,4 +145,4 @@ def test_detections_are_checked_where_the_recording_cannot_be_read(folder):
 
 
 def test_given_detections_take_the_place_of_the_folders_own(folder, tmp_path):
-    assert check_recording(folder, detections_path=tmp_path / "nothing.json")[0].file.name == "nothing.json"
+    assert check_recording(folder, tmp_path / "nothing.json")[-1].file.name == "nothing.json"

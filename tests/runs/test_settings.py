@@ -58,7 +58,7 @@ ADDED = ("input.category_names",)  # since 0.1
 
 
 def test_every_setting_says_what_it_is():
-    assert len(KNOWN) == len(OLD) - 1 + len(ADDED)
+    assert len(KNOWN) == len(OLD) + 1 + len(ADDED)
     for path, known in {**KNOWN, **SIMULATED}.items():
         bounds = known.about.bounds
         assert known.types or known.literals, path
@@ -100,7 +100,7 @@ def test_out_of_range_is_refused_with_the_name(path):
     wrong += ["seven"] if not (known.types == (str,) and not known.is_list) else [3]
     wrong += [] if known.is_list else [[1, 2]]
     if known.types in ((int,), (float,)):
-        wrong += [float("nan"), float("inf")]
+        wrong += [float("nan"), float("inf"), 10**400]
         wrong += [BELOW] if (bounds.low, bounds.above) != (None, None) else []
         wrong += [ABOVE] if (bounds.high, bounds.below) != (None, None) else []
         wrong += [2.5] if known.types == (int,) else []
@@ -199,6 +199,13 @@ def test_every_name_of_0_1_is_known_or_leads_to_its_new_one(path):
     assert ("write expert: {" in str(error.value)) == (KNOWN[new].about.kind == "expert")
 
 
+def test_an_old_name_of_another_command_is_to_be_removed():
+    with pytest.raises(ConfigError, match=r"is called rotations.enabled now, and slam does not use .*: remove it"):
+        configured(tree_of("mapping.rotations.enabled", False), "here", "slam")
+    with pytest.raises(ConfigError, match=r"estimation.smoother.lag_s but slam.lag_s: give that one"):
+        configured(tree_of("localization.smoother.lag_s", 3), "here", "slam")
+
+
 def test_no_old_name_is_in_vain():
     assert set(RENAMED.values()) <= KNOWN.keys()
     assert not RENAMED.keys() & KNOWN.keys()
@@ -220,6 +227,16 @@ def test_no_old_name_is_in_vain():
 def test_typing_errors_are_answered_with_near_names(path, near):
     with pytest.raises(ConfigError, match=f"here: unknown setting {re.escape(path)}.*{re.escape(near)}"):
         configured(tree_of(path, 3), "here", "slam")
+
+
+@pytest.mark.parametrize(
+    "text", ["? [1, 2]\n: 3", "{1: 2}", "slam: {lag_s: 2001-01-01}", "? {a: 1}\n: 3", "!!python/x 3"]
+)
+def test_odd_yaml_is_refused_in_one_line(tmp_path, text):
+    file = tmp_path / "settings.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=r"settings\.yaml: [^\n]+$"):
+        read_config(file, "slam")
 
 
 @pytest.mark.parametrize("document", [[1], 3, "text", {"slam": 3}, {"expert": [1]}, {"slam": {"points": [1]}}])

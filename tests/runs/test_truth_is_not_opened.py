@@ -12,7 +12,6 @@ from meshslam.categories import load_category
 from meshslam.maps import Map
 from meshslam.simulation import StreetConfig, make_street, write_recording
 
-pytestmark = pytest.mark.xdist_group("truth")
 SMALL = StreetConfig(frames=6, width_px=320, height_px=100, focal_px=190.0, cars_each_side=2, speed_m_s=15.0)
 ESTIMATING = ("open", "check", "map_drive", "localize", "slam")
 RUNS = {"run_map": True, "run_localize": False, "run_slam": True}  # whether objects are scored

@@ -55,4 +55,4 @@ def test_imu_rate_overlap_and_gaps_are_looked_at(tmp_path, times_s, where, what)
 def test_an_unknown_key_is_noted(folder):
     with (folder / "camera.yaml").open("a") as file:
         file.write("distortion_coefs: [1, 2, 3, 4]\n")
-    assert [(p.where, p.severity) for p in check_sequence(folder)] == [("distortion_coefs", "note")]
+    assert [(p.where, p.severity) for p in check_sequence(folder)] == [("distortion_coefs", "problem")]

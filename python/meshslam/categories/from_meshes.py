@@ -19,6 +19,7 @@ from meshslam.categories.shrinkwrap import FLIP, Wrapper, carry
 from meshslam.categories.spheres import icosphere
 from meshslam.errors import CategoryError
 from meshslam.geometry import Floats, voxel_iou
+from meshslam.settings import Settings, setting
 
 MANY = 5  # meshes whose differences tell enough about sizes
 SIZE_SIGMA = 0.05
@@ -29,15 +30,16 @@ Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class MeshOptions:
+class MeshOptions(Settings):
     """How mesh files are read and what is made of them."""
 
-    forward: Axis = "x"
-    up: Axis = "z"
-    scale: float = 1.0  # the file's unit in metres
-    symmetry: Symmetry = "auto"
-    modes: int = 20
-    size_sigma: float | None = None  # relative, of length, width and height; None: 0.05 below five meshes, else 0
+    forward: Axis = setting("x")
+    up: Axis = setting("z")
+    scale: float = setting(1.0, above=0)  # the file's unit in metres
+    symmetry: Symmetry = setting("auto")
+    modes: int = setting(20, low=0)
+    # relative, of length, width and height; None: 0.05 below five meshes, else 0
+    size_sigma: float | None = setting(None, low=0, below=0.5)
 
 
 def category_from_meshes(
@@ -142,10 +144,6 @@ def _check(name: str, paths: list[Path], options: MeshOptions) -> None:
     double = [p.stem for i, p in enumerate(paths) if p.stem in [q.stem for q in paths[:i]]]
     if double:
         raise CategoryError(f"two meshes are called {double[0]!r}: key points and notes go by the file's stem")
-    if not (np.isfinite(options.scale) and options.scale > 0):
-        raise CategoryError(f"scale must be positive, found {options.scale}")
-    if options.modes < 0 or (options.size_sigma is not None and not 0 <= options.size_sigma < 0.5):
-        raise CategoryError(f"modes {options.modes} and size sigma {options.size_sigma}: 0 or more, and below 0.5")
 
 
 def _size_sigma(options: MeshOptions, count: int) -> float:

@@ -2,29 +2,57 @@
 
 from __future__ import annotations
 
+import json as json_text
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from meshslam.cli.options import CameraFromBody, CameraNumber, Detections, Extrinsics, ImuFile, Layout, PosesConvention
+
 
 def check(
     sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
-    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
-    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
-    detections: Annotated[Path | None, typer.Option(help="Detection file, in place of the folder's own.")] = None,
+    layout: Layout = None,
+    camera: CameraNumber = None,
+    detections: Detections = None,
+    imu: ImuFile = None,
+    imu_from_camera: Extrinsics = None,
+    poses_convention: PosesConvention = None,
+    camera_from_body: CameraFromBody = None,
+    json: Annotated[bool, typer.Option("--json", help="Print problems and notes with their figures as JSON.")] = False,
 ) -> None:
     """List every problem of a recording, one a line; exit code 1 if there is any.
 
-    What runs handle themselves is listed as a note, which leaves the exit code as it is.
+    Files are read as runs read them, and judged: units and axes of the IMU, how it is mounted, the convention of poses,
+    the camera, times. What runs can handle by themselves is a note and changes no exit code.
 
     Example: meshslam check 2011_09_26/2011_09_26_drive_0048_sync
     """
-    from meshslam.runs import check_recording
+    from meshslam.runs import InputConfig, check_recording, overlaid
 
-    found = check_recording(sequence, layout, camera, detections)
-    for entry in found:
-        print(f"note: {entry}" if entry.severity == "note" else entry)
-    if any(entry.severity == "problem" for entry in found):
+    given = {
+        "sequence": sequence,
+        "layout": layout,
+        "camera": camera,
+        "detections": detections,
+        "imu": imu,
+        "imu_from_camera": imu_from_camera,
+        "poses_convention": poses_convention,
+        "camera_from_body": camera_from_body,
+    }
+    values = {
+        key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None
+    }
+    found = check_recording(overlaid(InputConfig(), values, "flags"))
+    problems = [finding for finding in found if finding.severity == "error"]
+    if json:
+        rows = [{"severity": f.severity, "code": f.code, "message": f.message, "figures": f.figures} for f in found]
+        print(json_text.dumps({"sequence": str(sequence), "problems": len(problems), "findings": rows}, indent=1))
+    else:
+        for finding in found:
+            print(finding.message if finding.severity == "error" else f"note: {finding.message}")
+        if not problems:
+            print(f"{sequence}: no problem found")
+    if problems:
         raise typer.Exit(1)
-    print(f"{sequence}: no problem found")

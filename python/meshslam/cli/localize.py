@@ -9,6 +9,7 @@ import typer
 
 from meshslam.cli.options import (
     AsJson,
+    CameraFromBody,
     CameraNumber,
     ConfigFile,
     Detections,
@@ -17,6 +18,7 @@ from meshslam.cli.options import (
     Keypoints,
     Layout,
     Overwrite,
+    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
@@ -35,6 +37,8 @@ def localize(
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
+    poses_convention: PosesConvention = None,
+    camera_from_body: CameraFromBody = None,
     keypoints: Keypoints = None,
     solver: Annotated[str | None, typer.Option(help="smoother, or gradient: the paper's, pose by pose.")] = None,
     config: ConfigFile = None,
@@ -59,6 +63,8 @@ def localize(
         detections=detections,
         layout=layout,
         camera=camera,
+        poses_convention=poses_convention,
+        camera_from_body=camera_from_body,
     )
     settings = with_keypoint_network(settings, keypoints)
     if solver is not None:

@@ -9,6 +9,7 @@ import typer
 
 from meshslam.cli.options import (
     AsJson,
+    CameraFromBody,
     CameraNumber,
     CategoryName,
     ConfigFile,
@@ -16,6 +17,7 @@ from meshslam.cli.options import (
     Keypoints,
     Layout,
     Overwrite,
+    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
@@ -31,6 +33,8 @@ def map_(
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
+    poses_convention: PosesConvention = None,
+    camera_from_body: CameraFromBody = None,
     category: CategoryName = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
     solver: Annotated[
@@ -56,6 +60,8 @@ def map_(
         detections=detections,
         layout=layout,
         camera=camera,
+        poses_convention=poses_convention,
+        camera_from_body=camera_from_body,
         category=category,
     )
     settings = with_keypoint_network(settings, keypoints)

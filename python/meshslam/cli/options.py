@@ -17,13 +17,23 @@ Segmenter = Annotated[
 ]
 Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
 Layout = Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder, where the path does not tell.")]
-CameraNumber = Annotated[int | None, typer.Option(help="Which of the layout's cameras.")]
+CameraNumber = Annotated[int | None, typer.Option(help="Which camera of the layout, or of the extrinsics' file.")]
 CategoryName = Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")]
 Keypoints = Annotated[
     bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
 ]
 ImuFile = Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")]
 Extrinsics = Annotated[Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")]
+PosesConvention = Annotated[
+    str | None,
+    typer.Option(
+        help="What poses.tum holds: camera (world_from_camera, z up), quaternion-first, camera-from-world, "
+        "first-camera-world or body."
+    ),
+]
+CameraFromBody = Annotated[
+    Path | None, typer.Option(help="poses.tum holds world_from_body: camera_from_body, 4x4 in YAML or JSON.")
+]
 ConfigFile = Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")]
 Overwrite = Annotated[bool, typer.Option(help="Replace a run of other settings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]

@@ -9,6 +9,7 @@ import typer
 
 from meshslam.cli.options import (
     AsJson,
+    CameraFromBody,
     CameraNumber,
     ConfigFile,
     Detections,
@@ -17,6 +18,7 @@ from meshslam.cli.options import (
     Keypoints,
     Layout,
     Overwrite,
+    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
@@ -34,6 +36,8 @@ def slam(
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
+    poses_convention: PosesConvention = None,
+    camera_from_body: CameraFromBody = None,
     keypoints: Keypoints = None,
     poses: Annotated[
         str | None, typer.Option(help="none, or odometry: known poses tell each step, with noise, instead of the IMU.")
@@ -62,6 +66,8 @@ def slam(
         detections=detections,
         layout=layout,
         camera=camera,
+        poses_convention=poses_convention,
+        camera_from_body=camera_from_body,
     )
     settings = with_keypoint_network(settings, keypoints)
     if poses is not None:

@@ -28,9 +28,7 @@ class RoadConfig(Settings):
     step_px: int = expert(2, low=1)
     min_baseline_m: float = expert(1.0, above=0)  # between the two cameras
     chord_m: float = expert(10.0, above=0)  # of the later path over the patch: the road lies along it
-    search_share: float = expert(
-        0.3, above=0, below=1
-    )  # by which the displacement may be longer or shorter than expected
+    search_share: float = expert(0.3, above=0, below=1)  # by which the displacement may differ from the expected
     min_correlation: float = expert(0.5, low=0, high=1)
     min_drop: float = expert(0.03, low=0, high=2)  # of the correlation, where it is `drop_share` longer or shorter
     drop_share: float = expert(0.08, above=0, below=1)

@@ -166,26 +166,25 @@ def object_factor(
     camera_keys: CameraKeys,
     camera_memo: CameraMemo,
     world_from_object: Pose | int,
-    z: Floats | int | None = None,
+    z: int | None = None,
 ) -> gtsam.CustomFactor:
     """A view as a factor over the camera's keys, and over the object's pose and modes where these are keys.
 
-    `camera_memo` is shared by the views of a frame.
+    `camera_memo` is shared by the views of a frame. Without `z` the object has its model's mean shape.
     """
-    pose_is_key, modes_are_key = isinstance(world_from_object, int), isinstance(z, int)
+    pose_is_key, modes_are_key = isinstance(world_from_object, int), z is not None
     keys = list(camera_keys)
     keys += [key for key in (world_from_object, z) if isinstance(key, int)]
-    modes = cost.model.mode_count if z is not None else 0
-    rows = 7 + (modes if modes_are_key else 0)
+    rows = 7 + (cost.model.mode_count if modes_are_key else 0)
 
     def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         camera = camera_memo.place(values, camera_keys)
         placed = (
             from_pose3(values.atPose3(world_from_object)) if isinstance(world_from_object, int) else world_from_object
         )
-        weights = values.atVector(z) if isinstance(z, int) else z
+        weights = None if z is None else values.atVector(z)
         camera_from_object = camera.pose.inverse() @ placed
-        by_object, residual = cost.linearize(camera_from_object, weights if modes_are_key else None)
+        by_object, residual = cost.linearize(camera_from_object, weights)
         if jacobians is not None:
             by_camera = -by_object[:, :6] @ camera_from_object.inverse().adjoint()
             jacobians[0] = to_gtsam_columns(by_camera @ camera.by_imu)

@@ -97,6 +97,11 @@ class ObjectVariables:
         """Covariance (6, 6) of a landmark's world_from_object, right perturbation, (translation, rotation)."""
         return to_gtsam_covariance(self._window.covariance(O(number)))
 
+    def pose_covariances(self, numbers: Sequence[int]) -> dict[int, Floats]:
+        """As `pose_covariance` of each landmark, at the cost of one."""
+        found = self._window.covariances([O(number) for number in numbers])
+        return {number: to_gtsam_covariance(found[O(number)]) for number in numbers}
+
     @contextmanager
     def linearizations_kept(self) -> Iterator[None]:
         """Whatever is evaluated in the block, observations are linearized afterwards where they were before."""

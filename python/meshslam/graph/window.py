@@ -112,6 +112,26 @@ class Window:
         found: Floats = inverse @ inverse.T
         return found
 
+    def covariances(self, keys: Sequence[int]) -> dict[int, Floats]:
+        """As `covariance` of each variable, by one elimination for all of them."""
+        if not keys:
+            return {}
+        linear = self._graph(self.entries).linearize(self.values)
+        ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(keys))
+        net = linear.eliminateSequential(ordering, gtsam.EliminateQR)
+        last, wanted = gtsam.GaussianBayesNet(), set(keys)
+        for conditional in (net.at(index) for index in range(net.size())):
+            if conditional.keys()[0] in wanted:  # its other keys are wanted ones, too: they come last
+                last.push_back(conditional)
+        inverse = np.linalg.pinv(np.asarray(last.matrix()[0]))
+        joint, start, found = inverse @ inverse.T, 0, {}
+        for index in range(last.size()):
+            key = last.at(index).keys()[0]
+            width = self.values.extract([key]).dim()
+            found[key] = joint[start : start + width, start : start + width]
+            start += width
+        return found
+
     def settle(self, entries: Sequence[Entry]) -> None:
         """Hold factors as they are linearized now."""
         for entry in entries:

@@ -97,10 +97,15 @@ class Localizer:
     """The camera in a known map, frame by frame, by an IMU and the objects that frames show.
 
     Frames bring images, detections, or both; images are undistorted, BGR (h, w, 3). The world is the map's, z up.
+    Lengths are in metres, times in seconds; covariances are those of right perturbations (translation, rotation), m and
+    rad. MapError if the map cannot be used; `process`, `save` and `load` say what they raise.
 
     Example:
-        localizer = Localizer(drive.camera, Map.load("run"), imu_from_camera=drive.imu_from_camera)
+        localizer = meshslam.Localizer(
+            drive.camera, meshslam.Map.load("run"), imu_from_camera=drive.imu_from_camera
+        )
         state = localizer.process(time_s=12.3, imu=samples, detections=detections)
+        state.world_from_camera  # Pose, or None before the first seconds were found in the map
 
     """
 
@@ -124,7 +129,9 @@ class Localizer:
         self._camera, self._imu_from_camera, self._objects = camera, imu_from_camera, known_objects(map)
         self._names = _shipped_names() if keypoint_names is None else {k: tuple(v) for k, v in keypoint_names.items()}
         settings = self._settings
-        self._perception = FramePerception(segmenter, settings.segmentation, settings.keypoints, settings.tracking)
+        self._perception = FramePerception(
+            segmenter, settings.segmentation, settings.keypoints, settings.tracking, camera
+        )
         self._stream = Stream()
         self._waiting: list[_Frame] = []
         self._estimator: LocalizationEstimator | None = None
@@ -142,7 +149,8 @@ class Localizer:
         """Take the next frame, with the IMU samples since the last one.
 
         `detections` are used as they are; `frame` is its number, counted on if it is not given. SequenceError if time
-        does not go on, or if the map explains nothing of the first seconds.
+        does not go on, or if the map explains nothing of the first seconds; GeometryError for an image that is not
+        uint8 (h, w, 3) of the camera's size.
         """
         number = self._stream.next_number if frame is None else frame
         self._stream.take(number, time_s, NO_SAMPLES if imu is None else imu)

@@ -24,10 +24,10 @@ FORMAT, VERSION = "meshslam-map", 1
 class Map(Mapping[int, MapObject]):
     """Objects in one world, by their ids, in ascending order: a mapping of id to MapObject.
 
-    MapError for two objects of one id.
+    MapError for two objects of one id; KeyError, naming the ids that there are, for an id that is not in the map.
 
     Example:
-        scene = Map.load("run")
+        scene = meshslam.Map.load("run")
         scene[3].vertices_in_world  # (V, 3), metres
         [number for number, thing in scene.items() if thing.category == "car"]
 

@@ -15,7 +15,14 @@ from meshslam.sequences import Report, format_tum, read_tum
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """One pose a frame."""
+    """The camera's trajectory: one time and one pose a frame, metres and seconds; MapError if their numbers differ.
+
+    Example:
+        path = meshslam.Trajectory.load("run/trajectory.tum")
+        path.times_s, path.positions_in_world  # (n,) seconds, (n, 3) metres
+        path.world_from_camera[0]  # Pose
+
+    """
 
     times_s: Floats  # (n,), increasing
     world_from_camera: tuple[Pose, ...]
@@ -44,7 +51,7 @@ class Trajectory:
         return format_tum(self.times_s, self.world_from_camera).encode()
 
     def save(self, path: Path | str) -> None:
-        """Write a TUM file, whole or not at all."""
+        """Write a TUM file, whole or not at all; MapError if a pose is not finite, or the disk does not take it."""
         write_atomically(Path(path), self.to_tum())
 
     @staticmethod

@@ -50,7 +50,10 @@ def check_imu(sequence: Recording, config: ImuConfig) -> tuple[ImuSamples, Pose]
     """The sequence's IMU and imu_from_camera; SequenceError in clear words where inertial odometry cannot work."""
     imu, root = sequence.imu, sequence.root
     if imu is None:
-        raise SequenceError(f"{root}: no IMU: imu.csv in a sequence folder, oxts in KITTI raw, or --imu FILE is needed")
+        raise SequenceError(
+            f"{root}: no IMU: imu.csv in a sequence folder, oxts in KITTI raw, or --imu FILE "
+            "(imu='FILE' of open_sequence) is needed"
+        )
     if sequence.imu_from_camera is None:
         raise SequenceError(
             f"{root}: an IMU without extrinsics: imu_from_camera (4x4) in camera.yaml, or --imu-from-camera FILE"

@@ -151,6 +151,13 @@ class SlamEstimator:
         with self.smoother.objects.linearizations_kept():
             return self.smoother.objects.pose_covariance(number)
 
+    def landmark_covariances(self) -> dict[int, Floats]:
+        """As `landmark_covariance` of every landmark, at the cost of one."""
+        held = {number: mark.pose_covariance for number, mark in self.landmarks.items()}
+        with self.smoother.objects.linearizations_kept():
+            current = self.smoother.objects.pose_covariances([n for n, left in held.items() if left is None])
+        return {n: current[n] if left is None else left for n, left in held.items()}
+
     def _append(self, frame: int, time_s: float) -> None:
         self.frame_ids.append(frame)
         self.times_s.append(time_s)

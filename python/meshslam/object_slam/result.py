@@ -23,7 +23,7 @@ class SlamState:
     world_from_camera: Pose | None  # in the map: it jumps where a loop is closed
     world_from_odometry: Pose  # the jumps so far; their inverse before the pose gives a path without any
     velocity_in_world: Floats | None  # (3,), m/s, of the IMU, or of the camera where there is none
-    objects: tuple[int, ...]  # landmarks that this frame shows
+    objects: tuple[int, ...]  # ids in the map, of the objects that this frame shows
     loop_closures: int  # landmarks that turned out to be older ones, so far
     has_imu_gap: bool = False
 

@@ -103,12 +103,18 @@ class Slam:
     network `segmenter` finds the objects, the shipped one their key points, and a tracker follows them; point tracks
     and the road measure the camera's motion.
 
-    The world is z up: that of `start`; without a start the first camera is its origin, with x ahead.
+    The world is z up: that of `start`; without a start the first camera is its origin, with x ahead, and the first
+    three seconds of frames have no pose yet. Lengths are in metres, times in seconds; covariances are those of right
+    perturbations (translation, rotation), m and rad. CategoryError if the category cannot be found; `process`, `save`
+    and `load` say what they raise.
 
     Example:
-        slam = Slam(drive.camera, imu_from_camera=drive.imu_from_camera, segmenter="yolov5n-seg.onnx")
+        slam = meshslam.Slam(
+            drive.camera, imu_from_camera=drive.imu_from_camera, segmenter="yolov5n-seg.onnx"
+        )
         state = slam.process(image=image, imu=samples, time_s=12.3)
-        cars = slam.map()
+        state.world_from_camera  # Pose, or None before SLAM has started
+        {number: car.vertices_in_world for number, car in slam.map().items()}  # (V, 3) each, metres
 
     """
 
@@ -151,7 +157,9 @@ class Slam:
         )
         self._moved_by_imu, self._by_odometry = moved_by_imu, by_odometry
         self._given_start, self._source = start, source
-        self._perception = FramePerception(segmenter, settings.segmentation, settings.keypoints, settings.tracking)
+        self._perception = FramePerception(
+            segmenter, settings.segmentation, settings.keypoints, settings.tracking, camera
+        )
         self._stream = Stream()
         self._image_features: ImageFeatures | None = None
         self._odometry: list[Pose] = []
@@ -176,7 +184,8 @@ class Slam:
 
         `detections` are used as they are, and get tracks where they have none; `odometry` is the frame's
         world_from_camera where poses move the camera; `frame` is its number, counted on if it is not given.
-        SequenceError if time does not go on, or if something is missing.
+        SequenceError if time does not go on, or if something is missing; GeometryError for an image that is not uint8
+        (h, w, 3) of the camera's size.
         """
         number = self._stream.next_number if frame is None else frame
         tracked = self._perception.process(number, image, detections)
@@ -214,7 +223,8 @@ class Slam:
             return Map(())
         one = joined_tracks(self._estimator.landmarks, self._estimator.joined)
         latest = {one.get(m.track, m.track): m for m in self._estimator.landmarks.values() if not m.moves}
-        return Map(tuple(self._map_object(number, mark) for number, mark in latest.items()))
+        covariances = self._estimator.landmark_covariances()
+        return Map(tuple(self._map_object(id, mark, covariances[mark.number]) for id, mark in latest.items()))
 
     def trajectory(self) -> Trajectory:
         """The camera's path so far, each frame as last estimated in the lag; `finish` smooths all of it together."""
@@ -389,13 +399,15 @@ class Slam:
         self._counts["frames_with_imu_gap"] += report.has_gap
         self._counts["frames_without_objects"] += not report.objects
         to_map = estimator.odometry_frame.map_from_odometry
+        one = joined_tracks(estimator.landmarks, estimator.joined)
+        shown = [mark for mark in map(estimator.landmarks.__getitem__, report.objects) if not mark.moves]
         return SlamState(
             frame.number,
             frame.time_s,
             report.world_from_camera,
             to_map,
             to_map.rotation @ estimator.state.velocity_in_world,
-            report.objects,
+            tuple(sorted({one.get(mark.track, mark.track) for mark in shown})),
             len(estimator.joined),
             report.has_gap,
         )
@@ -412,7 +424,7 @@ class Slam:
             )
         return self._estimator
 
-    def _map_object(self, number: int, mark: Landmark) -> MapObject:
+    def _map_object(self, number: int, mark: Landmark, covariance: Floats) -> MapObject:
         estimator, setup = self._started(), self._setup
         to_map = estimator.odometry_frame.map_from_odometry
         vertices = estimator.vertices(mark)
@@ -428,7 +440,7 @@ class Slam:
             first_frame=min(frames, default=None),
             last_frame=max(frames, default=None),
             keypoints=dict(zip(setup.category.keypoint_names, keypoints, strict=True)),
-            pose_covariance=estimator.landmark_covariance(mark.number),
+            pose_covariance=covariance,
         )
         return thing.recentred()
 

@@ -40,7 +40,8 @@ def frames_of_images(
     if any(id_ != frame for id_, frame in frame_of.items()):
         _tell(frame_of, names, faults)
     chosen = frame_of or {i.id: i.id for i in images}
-    fitting = [i for i in images if _fits(i, chosen, sequence, faults, by_name=bool(frame_of))]
+    part = [i for i in images if chosen.get(i.id) not in sequence.left_out_frames]
+    fitting = [i for i in part if _fits(i, chosen, sequence, faults, by_name=bool(frame_of))]
     matched = _one_a_frame([replace(i, id=chosen[i.id]) for i in fitting], faults)
     return FrameMatch(_whole(matched, sequence), {i.id: chosen[i.id] for i in fitting})
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from meshslam.errors import DetectionError
-from meshslam.geometry import Bytes, Floats
+import numpy as np
+
+from meshslam.errors import DetectionError, GeometryError
+from meshslam.geometry import Bytes, Camera, Floats
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.colour import COLOUR, ColourSegmenter
 from meshslam.perception.detections import Detection
@@ -28,11 +30,13 @@ class FramePerception:
         segmentation: SegmenterConfig,
         keypoints: KeypointConfig,
         tracking: TrackerConfig,
+        camera: Camera | None = None,
     ) -> None:
         """`segmenter` is a network's file, its name in the store, `colour` for a simulated world, or any Segmenter.
 
-        A network is loaded when it is first needed.
+        A network is loaded when it is first needed. Images are to be of the `camera`'s size, where it is given.
         """
+        self._camera = camera
         self._given, self._segmentation, self._keypoints = segmenter, segmentation, keypoints
         self._tracker, self._categories = OnlineTracker(tracking), tracking.categories
         self._segmenter: Segmenter | None = None
@@ -50,8 +54,10 @@ class FramePerception:
 
         Given detections that have no key points get them where there is an image, and tracks where they have none.
         `turn` (3, 3) is the homography of far points from the last frame to this one. DetectionError where there is
-        neither image nor detections.
+        neither image nor detections; GeometryError for an image of another type or shape.
         """
+        if image_bgr is not None:
+            self._check(frame, image_bgr)
         if detections is None:
             detections = self._segmented(frame, image_bgr)
         if image_bgr is not None:
@@ -59,6 +65,14 @@ class FramePerception:
         if all(d.track_id is not None for d in detections if d.category in self._categories) and detections:
             return tuple(detections)
         return self._tracker.process(detections, image_bgr, turn)
+
+    def _check(self, frame: int, image: Bytes) -> None:
+        found = f"{type(image).__name__} {getattr(image, 'dtype', '')} {np.shape(image)}"
+        size = "(h, w" if self._camera is None else f"({self._camera.height}, {self._camera.width}"
+        is_colour = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape[2:] == (3,)
+        if is_colour and (self._camera is None or image.shape[:2] == (self._camera.height, self._camera.width)):
+            return
+        raise GeometryError(f"frame {frame}: an image is uint8 BGR {size}, 3), found {found}")
 
     def _segmented(self, frame: int, image_bgr: Bytes | None) -> list[Detection]:
         if image_bgr is None:

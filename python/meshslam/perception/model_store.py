@@ -15,7 +15,7 @@ FOLDER_VARIABLE = "MESHSLAM_MODELS"
 ADVICE = (
     "get an instance segmentation network as ONNX (such as YOLO11n-seg or YOLOv8n-seg: "
     "`yolo export model=yolo11n-seg.pt format=onnx`, AGPL-3.0; or a Mask R-CNN export) "
-    "and run `meshslam models add FILE`, or give --segmenter FILE"
+    "and run `meshslam models add FILE`, or give --segmenter FILE (segmenter='FILE' in Python)"
 )
 
 

@@ -4,12 +4,11 @@ from meshslam.plausibility.camera import judge_camera
 from meshslam.plausibility.finding import Finding, Severity, errors, notes, raise_errors
 from meshslam.plausibility.imu import CleanImu, clean_imu, judge_imu
 from meshslam.plausibility.mounting import judge_mounting
-from meshslam.plausibility.poses import CONVENTIONS, in_convention, judge_poses
+from meshslam.plausibility.poses import judge_poses
 from meshslam.plausibility.scale import judge_scale
 from meshslam.plausibility.times import FRAME_STEP_S, SAMPLE_STEP_S, judge_times
 
 __all__ = [
-    "CONVENTIONS",
     "FRAME_STEP_S",
     "SAMPLE_STEP_S",
     "CleanImu",
@@ -17,7 +16,6 @@ __all__ = [
     "Severity",
     "clean_imu",
     "errors",
-    "in_convention",
     "judge_camera",
     "judge_imu",
     "judge_mounting",

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Pose
 from meshslam.plausibility.finding import Finding
+from meshslam.sequences import CONVENTIONS, in_convention
 
-CONVENTIONS = ("camera", "quaternion-first", "camera-from-world", "first-camera-world", "body")
-_BODY_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # x forward, y left, z up
-_WORLD_FROM_CAMERA_AXES = _BODY_FROM_CAMERA  # the first camera's axes, renamed to z up
 _UPRIGHT, _ALONG = 0.8, 0.9  # cosines
 _STEADIER, _WANDER_DEG = 1.5, 0.06  # by which another convention must let the axis wander less
 _MIN_FRAMES = 16  # for that
@@ -52,21 +50,6 @@ def attitude_of(poses: tuple[Pose, ...]) -> Attitude | None:
     headings = np.arctan2(across, (axes[:, :2] * steps[:, :2]).sum(1))[moving]
     wander = np.unwrap(2 * headings) / 2  # forwards or backwards
     return Attitude(upright, float(np.median(along)), float(np.degrees(np.std(wander))))
-
-
-def in_convention(poses: tuple[Pose, ...], convention: str) -> tuple[Pose, ...]:
-    """Poses as a file of another convention means them, read as world_from_camera, z up, x y z w."""
-    if convention == "quaternion-first":
-        return tuple(Pose(_reordered(pose.rotation), pose.translation) for pose in poses)
-    if convention == "camera-from-world":
-        return tuple(pose.inverse() for pose in poses)
-    if convention == "first-camera-world":
-        renamed = Pose(_WORLD_FROM_CAMERA_AXES, np.zeros(3))
-        return tuple(renamed @ pose for pose in poses)
-    if convention == "body":
-        turned = Pose(_BODY_FROM_CAMERA, np.zeros(3))
-        return tuple(pose @ turned for pose in poses)
-    return poses
 
 
 def judge_poses(poses: tuple[Pose, ...], source: str) -> list[Finding]:
@@ -107,13 +90,6 @@ def _figures(found: Attitude) -> dict[str, float]:
         "along_axis_cosine": found.along_axis,
         "wander_deg": found.wander_deg,
     }
-
-
-def _reordered(rotation: Floats) -> Floats:
-    """The rotation that w, x, y, z make which were read as x, y, z, w."""
-    pose = Pose(rotation, np.zeros(3))
-    w, x, y, z = pose.to_quaternion(order="xyzw")
-    return Pose.from_quaternion(np.array([x, y, z, w]), np.zeros(3), order="xyzw").rotation
 
 
 def _degrees(cosine: float) -> float:

@@ -1,9 +1,9 @@
 """Configuration and stages of a run: what the command line, notebooks and services call."""
 
 from meshslam.runs.api import evaluate, localize, map_drive, slam
-from meshslam.runs.checking import check_recording
 from meshslam.runs.commands import users, uses
 from meshslam.runs.config import Config, InputConfig
+from meshslam.runs.judging import check_recording
 from meshslam.runs.localize_run import run_localize
 from meshslam.runs.map_run import map_recording, run_map
 from meshslam.runs.notes import imu_notes, object_notes

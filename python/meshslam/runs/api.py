@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from meshslam.errors import MapError, SequenceError
 from meshslam.evaluation import evaluate_run
 from meshslam.maps import Map, Trajectory
 from meshslam.object_slam import SlamResult
@@ -24,17 +25,14 @@ Drive = str | Path | Sequence
 
 @dataclass(frozen=True, eq=False)
 class LocalizeResult:
-    """The camera's path in a map.
+    """The camera's trajectory in a map, and what was used for it."""
 
-    `moved` holds objects that were found moved, with the frame that showed it; `inertial` is the path of the IMU alone.
-    """
-
-    trajectory: Trajectory
-    inertial: Trajectory
-    detections: DetectionSet
-    moved: dict[int, int]
-    figures: dict[str, float]
-    notes: tuple[str, ...]
+    trajectory: Trajectory  # world_from_camera of each frame, in the map's world
+    inertial: Trajectory  # by the IMU alone, from the same start
+    detections: DetectionSet  # everything that was detected, with the map's ids as tracks
+    moved: dict[int, int]  # objects that were found moved, with the frame that showed it
+    figures: dict[str, float]  # named as in metrics.json
+    notes: tuple[str, ...]  # what the user should know, a sentence each
 
 
 def map_drive(
@@ -47,17 +45,23 @@ def map_drive(
 ) -> MapResult:
     """Map a recording with known camera poses: every parked object with its pose and its own mesh.
 
-    `drive` is a recording's folder, or what `open_sequence` gives. `segmenter` is a network's file or its name in the
-    store; without it the recording's own detections are used. `progress` is called with a step's name, how many are
-    done, and of how many. SequenceError, DetectionError or ModelError say what is missing or wrong.
+    `drive` is a recording's folder, or what `open_sequence` gives. `segmenter` is a network's file (ONNX), its name in
+    the store, or `colour` for a simulated world; without it the recording's own detections are used. `category` is a
+    shipped category's name or a category's file (.npz), and takes the place of the configuration's. `progress` is
+    called with a step's name, how many are done, and of how many.
+
+    In the result, lengths are in metres; vertices (V, 3) are in each object's frame; a pose covariance (6, 6) is that
+    of a right perturbation (translation, rotation), m and rad. SequenceError if the recording is damaged or its poses
+    are not known; DetectionError, ModelError or CategoryError if detections, network or category cannot be used.
 
     Example:
         result = meshslam.map_drive("2011_09_26_drive_0048_sync", segmenter="yolov5n-seg.onnx")
         for number, car in result.map.items():
-            print(number, car.world_from_object.translation, car.dimensions)
+            print(number, car.world_from_object.translation, car.dimensions)  # (3,), (3,), metres
+        result.map.save("run")
 
     """
-    recording, settings, outlet = _opened(drive, segmenter, category, config, progress)
+    recording, settings, outlet = _opened(drive, segmenter, category, config, progress, use_imu=False)
     return map_recording(recording, settings, outlet).result(recording, outlet)
 
 
@@ -69,13 +73,16 @@ def localize(
     config: Config | None = None,
     progress: Progress | None = None,
 ) -> LocalizeResult:
-    """Find the camera of every frame in a map of meshes, by IMU, masks and key points.
+    """Find the camera of every frame in a map of meshes, by IMU, masks and key points; poses are not needed.
 
     `map` is a Map, a run's folder, its map.json, or an objects.json. Everything else is as for `map_drive`; the
-    recording needs an IMU of 50 Hz or more.
+    recording needs an IMU of 50 Hz or more. The result is in the map's world: metres, seconds. MapError if the map
+    cannot be read; SequenceError if the recording is damaged, has no IMU, or does not show where it starts in the map;
+    DetectionError or ModelError if detections or network cannot be used.
 
     Example:
-        path = meshslam.localize("drive2", "run1").trajectory
+        path = meshslam.localize("drive2", "run1", segmenter="yolov5n-seg.onnx").trajectory
+        path.positions_in_world  # (n, 3), metres
 
     """
     recording, settings, outlet = _opened(drive, segmenter, None, config, progress)
@@ -96,11 +103,14 @@ def slam(
 ) -> SlamResult:
     """Find camera path and objects together, from detections and IMU, or from images alone; poses are not needed.
 
-    Arguments as for `map_drive`. For frames as they come there is `Slam`, which this function feeds.
+    Arguments and units are as for `map_drive`. For frames as they come there is `Slam`, which this function feeds.
+    SequenceError if the recording is damaged, or if nothing tells how the camera moves: neither an IMU nor images;
+    DetectionError, ModelError or CategoryError if detections, network or category cannot be used.
 
     Example:
-        result = meshslam.slam("drive")
-        print(len(result.map), result.trajectory.positions_in_world[-1])
+        result = meshslam.slam("drive", segmenter="yolov5n-seg.onnx")
+        result.map[3].vertices_in_world  # (V, 3), metres
+        result.trajectory.positions_in_world  # (n, 3), metres
 
     """
     recording, settings, outlet = _opened(drive, segmenter, category, config, progress)
@@ -111,16 +121,22 @@ def slam(
 
 
 def evaluate(run: str | Path, truth: str | Path) -> dict[str, float]:
-    """Compare a run directory with the truth of a recording: the figures that metrics.json names.
+    """Compare a run directory with the truth of a recording: the figures that metrics.json names, with their units.
 
     `truth` is the recording's folder, with groundtruth.tum, objects.json, association.json; what is not there is not
-    compared.
+    compared, and without any of them there are no figures. `run` holds trajectory.tum, map.json or both. MapError if
+    there is no such run, or if it is damaged; MapError or SequenceError if the truth is.
 
     Example:
         print(meshslam.evaluate("run", "drive")["ate_rmse_m"])
 
     """
-    return evaluate_run(Path(truth), Path(run))
+    run, truth = Path(run), Path(truth)
+    if not (run / "map.json").is_file() and not (run / "trajectory.tum").is_file():
+        raise MapError(f"{run}: no run: expected a folder with map.json, trajectory.tum or both")
+    if not truth.is_dir():
+        raise SequenceError(f"{truth}: no such folder")
+    return evaluate_run(truth, run)
 
 
 def _opened(
@@ -129,6 +145,8 @@ def _opened(
     category: str | None,
     config: Config | None,
     progress: Progress | None,
+    *,
+    use_imu: bool = True,
 ) -> tuple[Sequence, Config, Outlet]:
     settings = config or Config()
     chosen = settings.input
@@ -136,6 +154,10 @@ def _opened(
         chosen = replace(chosen, segmenter=str(segmenter))
     if category is not None:
         chosen = replace(chosen, category=category)
-    recording = drive if isinstance(drive, Sequence) else stages.open_input(replace(chosen, sequence=str(drive)))
+    recording = (
+        drive
+        if isinstance(drive, Sequence)
+        else stages.open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
+    )
     outlet = Outlet() if progress is None else Outlet(progress)
     return recording, replace(settings, input=chosen), outlet

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-_RECORDING = ("input.sequence", "input.layout", "input.camera", "input.imu", "input.imu_from_camera")
+_RECORDING = (
+    "input.sequence",
+    "input.layout",
+    "input.camera",
+    "input.imu",
+    "input.imu_from_camera",
+    "input.poses_convention",
+    "input.camera_from_body",
+)
 _PERCEPTION = ("input.segmenter", "segmentation", "colour", "keypoints")
 _SEEN = (*_RECORDING, "input.detections", "input.category_names", *_PERCEPTION)
 _OBJECTS = ("input.category", "tracking", "objects", "mapping")

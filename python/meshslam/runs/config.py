@@ -11,6 +11,7 @@ from meshslam.mapping import MappingConfig
 from meshslam.object_slam import SlamConfig
 from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, KeypointConfig, SegmenterConfig, TrackerConfig
+from meshslam.sequences import Convention
 from meshslam.settings import Settings, public
 
 
@@ -20,7 +21,7 @@ class InputConfig(Settings):
 
     sequence: str = public("", doc="folder of the recording")
     layout: str | None = public(None, doc="kitti-raw, kitti-odometry or folder, where the path does not tell")
-    camera: int | None = public(None, low=0, doc="which of the layout's cameras")
+    camera: int | None = public(None, low=0, doc="which of the cameras of the layout, or of the extrinsics' file")
     segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
     detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
     category_names: tuple[str, ...] = public((), doc="classes of the detections that are others of ours: vehicle=car")
@@ -28,11 +29,24 @@ class InputConfig(Settings):
     map: str | None = public(None, doc="a run, its map.json, or an objects.json")
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
     imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
+    poses_convention: Convention = public("camera", doc="what poses.tum holds: world_from_camera with z up, or another")
+    camera_from_body: str | None = public(None, doc="poses.tum holds world_from_body: camera_from_body, 4 x 4")
 
 
 @dataclass(frozen=True)
 class Config(Settings):
-    """Everything that decides a run's result: defaults, a YAML file over them, then flags; saved with every run."""
+    """Everything that decides a run's result: defaults, a YAML file over them, then flags; saved with every run.
+
+    Names carry their units, such as `_m` and `_px`. A configuration is not changed, it is copied with other values.
+
+    Example:
+        from dataclasses import replace
+
+        config = meshslam.Config()
+        config = replace(config, mapping=replace(config.mapping, max_distance_m=30.0))
+        meshslam.map_drive("drive", config=config)
+
+    """
 
     input: InputConfig = field(default_factory=InputConfig)
     segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
-from meshslam.perception import DetectionSet
+from meshslam.errors import DetectionError
+from meshslam.perception import DetectionSet, read_recorded_detections
 from meshslam.plausibility import (
     FRAME_STEP_S,
     Finding,
     clean_imu,
+    errors,
     judge_camera,
     judge_mounting,
     judge_poses,
@@ -17,15 +20,55 @@ from meshslam.plausibility import (
     notes,
     raise_errors,
 )
+from meshslam.runs.checking import detection_problems
+from meshslam.runs.config import InputConfig
 from meshslam.runs.outlet import Outlet
-from meshslam.sequences import Sequence
+from meshslam.sequences import Sequence, inspect_sequence
 
 HEIGHT_M = {"car": 1.5, "truck": 2.8, "bus": 3.0}  # of usual ones
 
 
+def check_recording(chosen: InputConfig) -> list[Finding]:
+    """Every problem of a recording, in form and in plausibility, and what reading could handle; runs stop at errors.
+
+    Nothing is estimated, but every image is decoded.
+    """
+    files = [None if f is None else Path(f) for f in (chosen.imu, chosen.imu_from_camera, chosen.camera_from_body)]
+    recording, problems = inspect_sequence(
+        chosen.sequence,
+        chosen.layout,
+        chosen.camera,
+        None if chosen.detections is None else Path(chosen.detections),
+        imu=files[0],
+        imu_from_camera=files[1],
+        poses_convention=chosen.poses_convention,
+        camera_from_body=files[2],
+    )
+    given = None if chosen.detections is None else Path(chosen.detections)
+    problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording)]
+    found = [Finding("input", str(p), "error" if p.severity == "problem" else "note") for p in problems]
+    if recording is None:
+        return found
+    known = {finding.message for finding in found}
+    recording = recording.with_poses_only()
+    found += [f for f in judge_recording(recording, poses=True, imu=True)[1] if f.message not in known]
+    return found if errors(found) or recording.detections_path is None else found + _judge_given_tracks(recording)
+
+
+def _judge_given_tracks(recording: Sequence) -> list[Finding]:
+    """Of a detection file that says which detections are one object."""
+    try:
+        file = recording.detections_path
+        given = None if file is None else read_recorded_detections(file, recording)
+    except DetectionError:  # what is wrong with its form is said already
+        return []
+    return [] if given is None else judge_tracks(recording, given)
+
+
 def judge_recording(recording: Sequence, *, poses: bool, imu: bool) -> tuple[Sequence, list[Finding]]:
     """The recording with its IMU's broken samples left out, and what was found of the parts that a run uses."""
-    found = judge_times(recording.times_s, "frames", source_of(recording, "times.txt"), FRAME_STEP_S)
+    found = [Finding("input", note, "note") for note in recording.notes]
+    found += judge_times(recording.times_s, "frames", source_of(recording, "times.txt"), FRAME_STEP_S)
     found += judge_camera(recording.camera, source_of(recording, "camera.yaml"))
     if poses and recording.world_from_camera is not None:
         found += judge_poses(recording.world_from_camera, source_of(recording, "poses.tum"))

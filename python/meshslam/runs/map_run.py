@@ -54,6 +54,7 @@ def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: Ru
     """Perceive, track, place the camera, map."""
     clock, category = stages.Clock(), load_category(settings.input.category)
     # What cannot be right ends the run before the first image is looked at
+    recording = recording.with_poses_only()
     stages.need_poses(recording)
     recording, findings = judge_recording(recording, poses=True, imu=False)
     say(findings, outlet)

@@ -7,6 +7,7 @@ from difflib import get_close_matches
 
 import yaml
 
+from meshslam.runs.commands import uses, why_unused
 from meshslam.settings import Setting
 
 # names of version 0.1: groups, then settings in the groups that they are in now
@@ -88,7 +89,7 @@ def new_name(path: str, known: Mapping[str, Setting]) -> str | None:
     return None
 
 
-def advice(path: str, value: object, known: Mapping[str, Setting]) -> str:
+def advice(path: str, value: object, known: Mapping[str, Setting], command: str | None = None) -> str:
     """What is wrong with a setting that is not known, and what to do."""
     while isinstance(value, dict) and value:  # an old group: its first setting
         key, value = next(iter(value.items()))
@@ -96,6 +97,8 @@ def advice(path: str, value: object, known: Mapping[str, Setting]) -> str:
     if path in GONE:
         return f"{path} is no setting any more, {GONE[path]}: remove it"
     new = new_name(path, known)
+    if new is not None and command is not None and not uses(command, new):
+        return f"{path} is called {new} now, and {why_unused(command, new)}"
     if new is not None:
         return f"{path} is called {new} now: write {written(new, value, known)}"
     near = _near(path, known)

@@ -39,7 +39,7 @@ def configured(document: object, where: str, command: str | None = None) -> Conf
     tree = dict(_mapping(document, where))
     values: dict[str, Any] = {}
     for kind, content in (("expert", tree.pop(EXPERT, None)), ("public", tree)):
-        for path, value in _given(Config, content, where, known):
+        for path, value in _given(Config, content, where, known, command):
             if known[path].about.kind != kind:
                 raise ConfigError(f"{where}: {_misplaced(path, value, known)}")
             if command is not None and not uses(command, path):
@@ -49,17 +49,17 @@ def configured(document: object, where: str, command: str | None = None) -> Conf
 
 
 def _given(
-    kind: type, values: object, where: str, known: Mapping[str, Setting], before: str = ""
+    kind: type, values: object, where: str, known: Mapping[str, Setting], command: str | None, before: str = ""
 ) -> Iterator[tuple[str, object]]:
     """Paths and values of what a file's content gives."""
     for key, value in _mapping(values, where, before).items():
         path = f"{before}{key}"
         if key in parts_of(kind):
-            yield from _given(parts_of(kind)[key], value, where, known, f"{path}.")
+            yield from _given(parts_of(kind)[key], value, where, known, command, f"{path}.")
         elif key in settings_of(kind):
             yield path, value
         else:
-            raise ConfigError(f"{where}: {advice(path, value, known)}")
+            raise ConfigError(f"{where}: {advice(path, value, known, command)}")
 
 
 def _misplaced(path: str, value: object, known: Mapping[str, Setting]) -> str:
@@ -128,7 +128,7 @@ def _converted(known: Setting, value: object) -> object:
     """Lists as tuples; whole numbers as the floats that they stand for."""
     if known.is_list and isinstance(value, list):
         return tuple(value)
-    if float in known.types and isinstance(value, int) and not isinstance(value, bool):
+    if float in known.types and type(value) is int and abs(value) < 2**53:
         return float(value)
     return value
 
@@ -153,7 +153,7 @@ class _Loader(yaml.SafeLoader):
         """Refuse a key that would hide another."""
         seen: set[str] = set()
         for key, _ in node.value:
-            if key.value in seen:
+            if str(key.value) in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"{key.value} stands twice", key.start_mark)
             seen.add(str(key.value))
         return super().construct_mapping(node, deep)

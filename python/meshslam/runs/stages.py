@@ -46,19 +46,26 @@ class Clock:
         self.seconds[to_stage] = self.seconds.get(to_stage, 0.0) + seconds
 
 
-def open_input(chosen: InputConfig) -> Sequence:
-    """Open the recording that a run reads."""
+def open_input(chosen: InputConfig, *, use_imu: bool = True) -> Sequence:
+    """Open the recording that a run reads; without `use_imu` a sequence folder's IMU is not read."""
     if not chosen.sequence:
         raise SequenceError("no recording is named: give its folder, or input.sequence in the configuration")
     given = (chosen.sequence, chosen.layout, chosen.camera, chosen.detections)
-    return open_sequence(*given, imu=chosen.imu, imu_from_camera=chosen.imu_from_camera)
+    return open_sequence(
+        *given,
+        imu=chosen.imu,
+        imu_from_camera=chosen.imu_from_camera,
+        poses_convention=chosen.poses_convention,
+        camera_from_body=chosen.camera_from_body,
+        use_imu=use_imu,
+    )
 
 
 def begin(
     command: str, settings: Config, out: Path, *, overwrite: bool
 ) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
     """Open recording and run directory of a command; also the run's figures, if it is there whole already."""
-    recording = open_input(settings.input)
+    recording = open_input(settings.input, use_imu=command != "map")
     run = RunDirectory.start(out, to_yaml(settings, command), version("meshslam"), overwrite=overwrite)
     if not (run.has("metrics.json") and run.has("report.html")):
         return recording, run, None

@@ -1,11 +1,11 @@
 """Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
 
-from meshslam.sequences.check import check_sequence
+from meshslam.sequences.check import check_sequence, inspect_sequence
+from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder import read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
-from meshslam.sequences.imu_files import read_extrinsics, read_imu, with_imu
-from meshslam.sequences.kitti_odometry import WORLD_FROM_FIRST_CAMERA
+from meshslam.sequences.imu_files import read_camera_from_body, read_extrinsics, read_imu, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
@@ -15,8 +15,10 @@ from meshslam.sequences.tum import format_tum, read_tum
 from meshslam.sequences.turning import turns
 
 __all__ = [
+    "CONVENTIONS",
     "LOADERS",
     "WORLD_FROM_FIRST_CAMERA",
+    "Convention",
     "Distortion",
     "ImuSamples",
     "InitialState",
@@ -29,8 +31,11 @@ __all__ = [
     "check_sequence",
     "find_loader",
     "format_tum",
+    "in_convention",
+    "inspect_sequence",
     "open_sequence",
     "read_camera_file",
+    "read_camera_from_body",
     "read_extrinsics",
     "read_imu",
     "read_path",

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
+from meshslam.sequences.conventions import Convention
 from meshslam.sequences.images import load_image
-from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.registry import find_loader
+from meshslam.sequences.imu_files import with_imu
+from meshslam.sequences.registry import find_loader, load_options
 from meshslam.sequences.report import Problem, Report
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
@@ -28,20 +29,39 @@ def check_sequence(
 
     Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes. Detections are checked elsewhere.
     """
+    return inspect_sequence(path, layout, camera_number, detections_path)[1]
+
+
+def inspect_sequence(
+    path: Path | str,
+    layout: str | None = None,
+    camera_number: int | None = None,
+    detections_path: Path | None = None,
+    *,
+    imu: Path | None = None,
+    imu_from_camera: Path | None = None,
+    poses_convention: Convention = "camera",
+    camera_from_body: Path | None = None,
+) -> tuple[Sequence | None, list[Problem]]:
+    """The recording, if anything can be made of it, and the problems and notes of `check_sequence`."""
     path, report = Path(path), Report(collect=True)
     sequence = None
     try:
         loader = find_loader(path, layout)
-        options = LoadOptions(camera_number, None if detections_path is None else Path(detections_path))
+        files = (detections_path, imu, imu_from_camera, poses_convention, camera_from_body)
+        options = load_options(loader, path, camera_number, *files)
         sequence = report.attempt(lambda: loader.load(path, options, report))
+        if sequence is not None and (imu is not None or imu_from_camera is not None):
+            number = camera_number if loader.name == "folder" else None
+            sequence = with_imu(sequence, imu, imu_from_camera, number)
     except SequenceError as error:
-        return [*report.problems, Problem(path, "", str(error).removeprefix(f"{path}: "))]
-    raw = None if sequence is None else sequence.raw_camera
+        return sequence, [*report.problems, Problem(path, "", str(error).removeprefix(f"{path}: "))]
+    raw, bits = (None, None) if sequence is None else (sequence.raw_camera, sequence.image_bits)
     for image in report.attempt(lambda: loader.image_files(path, options)) or []:
-        report.attempt(partial(load_image, image, None if raw is None else (raw.width, raw.height)))
+        report.attempt(partial(load_image, image, None if raw is None else (raw.width, raw.height), bits))
     if sequence is not None:
         _check_imu(sequence, report)
-    return report.problems
+    return sequence, report.problems
 
 
 def _check_imu(sequence: Sequence, report: Report) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,9 @@ import numpy as np
 from meshslam.errors import GeometryError, SequenceError
 from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.images import are_numbered, frame_numbers, list_images
+from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.imu_files import read_imu
+from meshslam.sequences.interpolation import interpolate_poses
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
@@ -29,7 +32,9 @@ CAMERA_KEYS = (
     "imu_from_camera",
     "height_above_ground_m",
 )
-POSE_TOLERANCE_S = 5e-3
+_SAME_TIME_S = 1e-5  # stamps are often rounded to so much
+POSE_TOLERANCE_S = 5e-3  # a pose this near will do where there is none on the other side
+LONGEST_POSE_GAP_S = 0.25  # between two poses: braking at 3 m/s² bends the way by 2 cm
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +70,20 @@ class SequenceFolder:
         camera = report.attempt(lambda: read_camera_file(path / "camera.yaml", report))
         times_s = report.attempt(lambda: read_times(path / "times.txt", report))
         images = report.attempt(lambda: self.image_files(path, options)) or []
-        poses = report.attempt(lambda: _known_poses(path / "poses.tum", times_s, report))
-        imu = report.attempt(lambda: _imu(path / "imu.csv", report))
+        poses = report.attempt(lambda: _known_poses(path / "poses.tum", times_s, options, report)) or {}
+        imu = report.attempt(lambda: _imu(path / "imu.csv", report)) if options.has_own_imu else None
         start = report.attempt(lambda: _initial_state(path / "initial_state.yaml", report))
         if camera is None or times_s is None:
             raise IncompleteError(f"{path}: nothing to load")
         if imu is not None and camera.imu_from_camera is None:
-            report.add(path / "camera.yaml", "imu_from_camera", "key is missing: imu.csv needs it, a 4x4 matrix")
+            what = "key is missing: to use imu.csv, localize and slam need it, a 4x4 matrix, or --imu-from-camera FILE"
+            report.note(path / "camera.yaml", "imu_from_camera", what)
         if imu is not None and (imu.times_s[0] > times_s[-1] or imu.times_s[-1] < times_s[0]):
             report.add(path / "imu.csv", "", "no sample lies between the first and the last frame: another clock?")
         frame_ids = _frame_ids(path, times_s, images, report)
         count = len(frame_ids)
+        known = [poses[i] for i in range(count) if i in poses]
+        note_turn(images, report)
         return Sequence(
             name=path.resolve().name,
             layout=self.name,
@@ -84,22 +92,28 @@ class SequenceFolder:
             frame_ids=frame_ids,
             times_s=times_s[:count],
             image_paths=tuple(images[:count]) or None,
-            world_from_camera=None if poses is None else poses[:count],
+            world_from_camera=tuple(known) if len(known) == count else None,
+            is_levelled=options.poses_convention != "first-camera-world",
             detections_path=_detections(path, options, images),
             imu=imu,
             imu_from_camera=camera.imu_from_camera,
             initial_state=start,
             height_above_ground_m=camera.height_above_ground_m,
             distortion=camera.distortion,
+            image_bits=image_bits(images, report),
+            partial_poses={i: pose for i, pose in poses.items() if i < count} if 0 < len(known) < count else None,
         )
 
 
 def read_camera_file(path: Path, report: Report | None = None) -> CameraFile:
-    """Read a camera.yaml; unknown keys are only noted. SequenceError without a `report` that gathers what is wrong."""
+    """Read a camera.yaml. SequenceError without a `report` that gathers what is wrong."""
     report = Report() if report is None else report
     content = read_yaml(path)
-    for key in content.keys() - set(CAMERA_KEYS):
-        report.note(path, key, f"unknown key; known are {', '.join(CAMERA_KEYS)}")
+    for key in content:
+        if key not in CAMERA_KEYS:
+            near = get_close_matches(key, CAMERA_KEYS, 1)
+            meant = f"did you mean {near[0]}? " if near else ""
+            report.add(path, key[:60], f"unknown key; {meant}known are {', '.join(CAMERA_KEYS)}")
     if content.get("model", "pinhole") != "pinhole":
         report.add(path, "model", f"expected pinhole, found {content['model']!r}")
     raw = _camera(path, content, report)
@@ -110,7 +124,7 @@ def read_camera_file(path: Path, report: Report | None = None) -> CameraFile:
         distortion=distortion,
         imu_from_camera=None
         if extrinsics is None
-        else report.attempt(lambda: pose_of(path, "imu_from_camera", extrinsics)),
+        else report.attempt(lambda: pose_of(path, "imu_from_camera", extrinsics, report)),
         height_above_ground_m=None
         if height is None
         else report.attempt(lambda: _positive(path, "height_above_ground_m", height)),
@@ -188,22 +202,49 @@ def _frame_ids(path: Path, times_s: Floats, images: list[Path], report: Report) 
     return numbers[: len(times_s)]
 
 
-def _known_poses(path: Path, times_s: Floats | None, report: Report) -> tuple[Pose, ...] | None:
-    """Poses of the frames, nearest in time; a frame without one within 5 ms is a problem."""
+def _known_poses(path: Path, times_s: Floats | None, options: LoadOptions, report: Report) -> dict[int, Pose]:
+    """Poses by frame: one of the same time, else between two that are near, else the nearest within 5 ms.
+
+    That frames have none is noted; that all have none is a problem.
+    """
     if not path.exists():
-        return None
-    pose_times_s, poses = read_tum(path, report)
+        return {}
+    pose_times_s, read = read_tum(path, report)
     if times_s is None:
-        return None
-    tolerance_s = min([POSE_TOLERANCE_S, *(np.abs(np.diff(times_s)) / 2)])
-    nearest = np.abs(times_s[:, None] - pose_times_s[None]).argmin(axis=1)
-    gaps_s = np.abs(times_s - pose_times_s[nearest])
-    for i in np.flatnonzero(gaps_s > tolerance_s):
-        what = f"no pose for frame {i} at {times_s[i]:.6f} s: the nearest is {1e3 * gaps_s[i]:.1f} ms away"
-        report.add(
-            path, "", f"{what}, {1e3 * tolerance_s:.1f} ms are allowed; {len(poses)} poses, {len(times_s)} frames"
+        return {}
+    poses = options.world_from_camera(read)
+    found = {i: pose for i, time_s in enumerate(times_s) if (pose := _pose_at(float(time_s), pose_times_s, poses))}
+    between = sum(pose not in _ids(poses) for pose in _ids(found.values()))
+    if between:
+        report.note(path, "", f"{between} frames have no pose of their time: theirs lie between their neighbours'")
+    spans = (
+        f"poses from {pose_times_s[0]:.3f} to {pose_times_s[-1]:.3f} s, frames {times_s[0]:.3f} to {times_s[-1]:.3f} s"
+    )
+    if not found:
+        report.add(path, "", f"no frame has a pose: {spans}: another clock, or another unit?")
+    elif len(found) < len(times_s):
+        first = next(i for i in range(len(times_s)) if i not in found)
+        missing = f"{len(times_s) - len(found)} of {len(times_s)} frames have no pose within reach"
+        report.note(
+            path, "", f"{missing} (first: frame {first} at {times_s[first]:.6f} s); {spans}; map leaves them out"
         )
-    return tuple(poses[i] for i in nearest)
+    return found
+
+
+def _ids(poses: Iterable[Pose]) -> set[int]:
+    return {id(pose) for pose in poses}
+
+
+def _pose_at(time_s: float, times_s: Floats, poses: tuple[Pose, ...]) -> Pose | None:
+    after = int(np.searchsorted(times_s, time_s))
+    near = min((k for k in (after - 1, after) if 0 <= k < len(poses)), key=lambda k: abs(times_s[k] - time_s))
+    gap_s = abs(float(times_s[near]) - time_s)
+    if gap_s <= _SAME_TIME_S:
+        return poses[near]
+    if 0 < after < len(poses) and times_s[after] - times_s[after - 1] <= LONGEST_POSE_GAP_S:
+        pair = slice(after - 1, after + 1)
+        return interpolate_poses(times_s[pair], poses[pair], np.array([time_s]))[0]
+    return poses[near] if gap_s <= POSE_TOLERANCE_S else None
 
 
 def _imu(path: Path, report: Report) -> ImuSamples | None:
@@ -218,7 +259,7 @@ def _initial_state(path: Path, report: Report) -> InitialState | None:
     velocity = report.attempt(lambda: _required(path, content, "velocity_in_world", 3))
     if content.get("world_from_camera") is None:
         raise fail(path, "world_from_camera", "key is missing, expected a 4x4 matrix")
-    pose = report.attempt(lambda: pose_of(path, "world_from_camera", content["world_from_camera"]))
+    pose = report.attempt(lambda: pose_of(path, "world_from_camera", content["world_from_camera"], report))
     if time is None or velocity is None or pose is None:
         raise IncompleteError(f"{path}: no initial state")
     return InitialState(float(time[0]), pose, velocity)

@@ -7,19 +7,15 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from meshslam.errors import SequenceError
 from meshslam.geometry import Floats, Pose
-from meshslam.sequences.images import frame_numbers, list_images, load_image
+from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
+from meshslam.sequences.images import frame_numbers, image_bits, list_images, load_image, note_turn
 from meshslam.sequences.kitti import CAMERA_NUMBERS, HEIGHT_ABOVE_GROUND_M, read_calibration, split_projection
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import read_table, read_times, rigid
-
-# (x, y, z)_world = (z, -x, -y)_camera0: the first camera's axes renamed, so that z is up
-WORLD_FROM_FIRST_CAMERA = Pose(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -50,6 +46,7 @@ class KittiOdometry:
         if images is None or calibration is None or all_times_s is None:
             raise IncompleteError(f"{path}: nothing to load")
         frame_ids = frame_numbers(images)
+        note_turn(images, report)
         size = _image_size(images[0])
         camera, camera_from_camera0 = split_projection(
             path / "calib.txt", f"P{number}", calibration[f"P{number}"], size
@@ -70,6 +67,7 @@ class KittiOdometry:
             is_levelled=False,
             detections_path=options.detections_path,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
+            image_bits=image_bits(images, report),
         )
 
 
@@ -99,14 +97,14 @@ def _read_poses(path: Path | None, frame_ids: tuple[int, ...], report: Report) -
     """world_from_camera0 of the frames; None without a file."""
     if path is None:
         return None
-    table = read_table(path, 12, report)
+    table = read_table(path, 12, report, by_line=True)
     if frame_ids[-1] >= len(table.rows):
         raise fail(path, "", f"{len(table.rows)} poses, but frame {frame_ids[-1]} needs line {frame_ids[-1] + 1}")
-    poses = [report.attempt(partial(_pose, path, table.lines[i], table.rows[i])) for i in frame_ids]
+    poses = [report.attempt(partial(_pose, path, table.lines[i], table.rows[i], report)) for i in frame_ids]
     if any(p is None for p in poses):
         raise IncompleteError(f"{path}: some poses are no rigid transforms")
     return tuple(p for p in poses if p is not None)
 
 
-def _pose(path: Path, line: int, row: Floats) -> Pose:
-    return WORLD_FROM_FIRST_CAMERA @ rigid(path, f"line {line}", row.reshape(3, 4))
+def _pose(path: Path, line: int, row: Floats, report: Report) -> Pose:
+    return WORLD_FROM_FIRST_CAMERA @ rigid(path, f"line {line}", row.reshape(3, 4), report)

@@ -11,7 +11,7 @@ import numpy as np
 from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Floats, Ints, Pose
 from meshslam.sequences import oxts
-from meshslam.sequences.images import frame_numbers, list_images
+from meshslam.sequences.images import frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.interpolation import interpolate_poses
 from meshslam.sequences.kitti import CAMERA_NUMBERS, HEIGHT_ABOVE_GROUND_M, read_calibration, split_projection
 from meshslam.sequences.loader import LoadOptions
@@ -48,6 +48,7 @@ class KittiRaw:
             raise IncompleteError(f"{path}: nothing to load")
         camera, imu_from_camera = calibration
         frame_ids = _timed_frames(images_folder, images, stamps)
+        note_turn(images, report)
         zero_ns = int(stamps[0])
         times_s = oxts.seconds_from(stamps[list(frame_ids)], zero_ns)
         poses = report.attempt(lambda: _camera_poses(path, recording, frame_ids, zero_ns, times_s, report))
@@ -64,6 +65,7 @@ class KittiRaw:
             imu=report.attempt(lambda: _imu(path, recording, zero_ns, report)),
             imu_from_camera=imu_from_camera,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
+            image_bits=image_bits(images, report),
         )
 
 
@@ -79,18 +81,18 @@ def read_rig(folder: Path, camera_number: int, report: Report) -> tuple[Camera, 
         raise IncompleteError(f"{folder}: calibration is incomplete")
     size = (int(cameras[size_key][0]), int(cameras[size_key][1]))
     camera, camera_from_rectified = split_projection(cameras_file, projection_key, cameras[projection_key], size)
-    rectified_from_camera0 = _rigid_parts(cameras_file, "R_rect_00", cameras["R_rect_00"], np.zeros(3))
+    rectified_from_camera0 = _rigid_parts(cameras_file, "R_rect_00", cameras["R_rect_00"], np.zeros(3), report)
     camera_from_imu = camera_from_rectified @ rectified_from_camera0 @ camera0_from_velo @ velo_from_imu
     return camera, camera_from_imu.inverse()
 
 
 def _read_rigid(path: Path, report: Report) -> Pose:
     values = read_calibration(path, {"R": 9, "T": 3}, report)
-    return _rigid_parts(path, "R", values["R"], values["T"])
+    return _rigid_parts(path, "R", values["R"], values["T"], report)
 
 
-def _rigid_parts(path: Path, key: str, rotation: Floats, translation: Floats) -> Pose:
-    return rigid(path, key, np.column_stack([rotation.reshape(3, 3), translation]))
+def _rigid_parts(path: Path, key: str, rotation: Floats, translation: Floats, report: Report) -> Pose:
+    return rigid(path, key, np.column_stack([rotation.reshape(3, 3), translation]), report)
 
 
 def _camera_number(options: LoadOptions) -> int:

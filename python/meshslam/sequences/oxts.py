@@ -32,10 +32,14 @@ class Oxts:
 
 
 def read_timestamps(path: Path, report: Report) -> Ints:
-    """Read lines like `2011-09-26 14:14:10.911916288` as nanoseconds (n,)."""
-    times = []
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    """Read lines like `2011-09-26 14:14:10.911916288` as nanoseconds (n,).
+
+    KITTI has blank lines where a time is lost: they keep their place, and get the time between their neighbours'.
+    """
+    times, blank = [], []
+    for number, line in enumerate(read_text(path).rstrip().splitlines(), 1):
         if not line.strip():
+            blank.append(number - 1)
             continue
         try:
             times.append(int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64)))
@@ -47,7 +51,26 @@ def read_timestamps(path: Path, report: Report) -> Ints:
             raise fail(path, f"line {number}", f"no time: {line!r}")
     if not times:
         raise fail(path, "", "holds no times: the recording is empty")
-    return np.array(times, np.int64)
+    if blank:
+        report.note(
+            path, f"line {blank[0] + 1}", f"{len(blank)} blank lines: their times lie between their neighbours'"
+        )
+    return _with_blanks(np.array(times, np.int64), np.array(blank, np.int64))
+
+
+def _with_blanks(times: Ints, blank: Ints) -> Ints:
+    """Times (n,) with those at the indices `blank` of the whole between their neighbours, in even steps."""
+    if not len(blank):
+        return times
+    whole = np.arange(len(times) + len(blank))
+    given = np.setdiff1d(whole, blank)
+    steps = np.interp(whole, given, (times - times[0]).astype(np.float64))
+    if blank[0] < given[0] and len(given) > 1:
+        before = whole < given[0]
+        steps[before] = (whole[before] - given[0]) * float(times[1] - times[0]) / float(given[1] - given[0])
+    found: Ints = times[0] + np.round(steps).astype(np.int64)
+    found[given] = times
+    return found
 
 
 def read_oxts(folder: Path, report: Report) -> Oxts:

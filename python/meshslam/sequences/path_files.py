@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from meshslam.geometry import Floats, Pose
-from meshslam.sequences.kitti_odometry import WORLD_FROM_FIRST_CAMERA
+from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.text import read_table, read_text, read_times, rigid
 from meshslam.sequences.tum import read_tum
@@ -25,10 +25,10 @@ def read_path(poses: Path, times: Path | None = None) -> tuple[Floats, tuple[Pos
         raise fail(poses, "", f"expected 8 numbers a line (TUM) or 12 (KITTI), found {len(words)}")
     if times is None:
         raise fail(poses, "", "KITTI's poses have no times: give --times FILE with one a line")
-    table, times_s = read_table(poses, 12, report), read_times(times, report)
+    table, times_s = read_table(poses, 12, report, by_line=True), read_times(times, report)
     if len(times_s) != len(table.rows):
         raise fail(times, "", f"holds {len(times_s)} times, but {poses} has {len(table.rows)} poses")
     return times_s, tuple(
-        WORLD_FROM_FIRST_CAMERA @ rigid(poses, f"line {line}", row.reshape(3, 4))
+        WORLD_FROM_FIRST_CAMERA @ rigid(poses, f"line {line}", row.reshape(3, 4), report)
         for line, row in zip(table.lines, table.rows, strict=True)
     )

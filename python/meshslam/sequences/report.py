@@ -15,7 +15,7 @@ Severity = Literal["problem", "note"]
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong with an input, or (a note) that a run handles but its user should know."""
+    """One thing that is wrong with an input, or a note: of something that reading could handle."""
 
     file: Path
     where: str  # the line or key, empty for the file as a whole
@@ -47,8 +47,13 @@ class Report:
 
     @property
     def problems(self) -> list[Problem]:
-        """What was found so far, problems and notes, in order, each once."""
+        """What was found so far, notes too, in order, each once."""
         return list(self._problems)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The notes alone, as text."""
+        return tuple(str(problem) for problem in self._problems if problem.severity == "note")
 
     def add(self, file: Path, where: str, what: str) -> None:
         """Report a problem that reading can go on behind; raises FoundError unless this report collects."""
@@ -58,9 +63,8 @@ class Report:
         self._problems[problem] = None
 
     def note(self, file: Path, where: str, what: str) -> None:
-        """Report what is worth knowing but stops nothing: only a collecting report keeps it."""
-        if self._collect:
-            self._problems[Problem(file, where, what, "note")] = None
+        """Report what is worth knowing but stops nothing."""
+        self._problems[Problem(file, where, what, "note")] = None
 
     def attempt(self, read: Callable[[], Result]) -> Result | None:
         """Run one reader; None if it failed and this report collects."""

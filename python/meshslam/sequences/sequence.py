@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
@@ -67,6 +68,10 @@ class Sequence:
     initial_state: InitialState | None = None
     height_above_ground_m: float | None = None
     distortion: Distortion | None = None  # of the raw images and detections; None: they are pinhole already
+    image_bits: int | None = None  # of images of 16 bits a channel: how many their values have
+    partial_poses: Mapping[int, Pose] | None = None  # world_from_camera by index, where only some frames have one
+    left_out_frames: frozenset[int] = frozenset()  # numbers of frames that the recording has, but not this part of it
+    notes: tuple[str, ...] = ()  # what reading found and could handle
 
     def __post_init__(self) -> None:
         for what in ("times_s", "image_paths", "world_from_camera"):
@@ -76,6 +81,22 @@ class Sequence:
 
     def __len__(self) -> int:
         return len(self.frame_ids)
+
+    def with_poses_only(self) -> Sequence:
+        """The frames whose pose is known; the sequence itself where all have one or none has."""
+        if self.partial_poses is None:
+            return self
+        kept = sorted(self.partial_poses)
+        images = None if self.image_paths is None else tuple(self.image_paths[i] for i in kept)
+        return replace(
+            self,
+            frame_ids=tuple(self.frame_ids[i] for i in kept),
+            times_s=self.times_s[kept],
+            image_paths=images,
+            world_from_camera=tuple(self.partial_poses[i] for i in kept),
+            partial_poses=None,
+            left_out_frames=self.left_out_frames | {f for i, f in enumerate(self.frame_ids) if i not in kept},
+        )
 
     @property
     def raw_camera(self) -> Camera:
@@ -90,5 +111,5 @@ class Sequence:
         if self.image_paths is None:
             raise SequenceError(f"{self.root}: the sequence has no images, only detections")
         raw = self.raw_camera
-        image = load_image(self.image_paths[index], (raw.width, raw.height))
+        image = load_image(self.image_paths[index], (raw.width, raw.height), self.image_bits)
         return image if self.distortion is None else self.distortion.undistort_image(image)

@@ -11,8 +11,10 @@ import numpy as np
 import yaml
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, nearest_rotation
 from meshslam.sequences.report import Report, fail
+
+_EXACT, _ROUNDED = 1e-4, 1e-2  # by which a rotation's columns may be off orthonormal: three decimals make 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,17 @@ def read_text(path: Path) -> str:
         raise fail(path, "", f"cannot be read as text: {error}") from None
 
 
-def read_table(path: Path, columns: int, report: Report) -> Table:
-    """Read `columns` numbers a line, blanks between; empty lines and lines that start with # are skipped."""
-    texts = [(n, line.split()) for n, line in enumerate(read_text(path).splitlines(), 1)]
+def read_table(path: Path, columns: int, report: Report, *, by_line: bool = False) -> Table:
+    """Read `columns` numbers a line, blanks between; empty lines and lines that start with # are skipped.
+
+    Where a line belongs to a frame (`by_line`), an empty one between others is a problem.
+    """
+    texts = [(n, line.split()) for n, line in enumerate(read_text(path).rstrip().splitlines(), 1)]
+    for n, words in texts if by_line else []:
+        if not words:
+            report.add(
+                path, f"line {n}", "is blank, but each line belongs to a frame: give its value, or leave none out"
+            )
     return parse_table(
         path, [(n, words) for n, words in texts if words and not words[0].startswith("#")], columns, report
     )
@@ -87,7 +97,7 @@ def check_increasing(path: Path, times_s: Floats, lines: tuple[int, ...], report
 
 def read_times(path: Path, report: Report) -> Floats:
     """Read one time a line in seconds, increasing; at least one."""
-    table = read_table(path, 1, report)
+    table = read_table(path, 1, report, by_line=True)
     times_s = table.rows[:, 0]
     check_increasing(path, times_s, table.lines, report)
     if not len(times_s):
@@ -125,18 +135,25 @@ def numbers_of(path: Path, key: str, value: object) -> Floats:
     return array
 
 
-def pose_of(path: Path, key: str, value: object) -> Pose:
+def pose_of(path: Path, key: str, value: object, report: Report) -> Pose:
     """Turn a YAML value into a rigid transform."""
     array = numbers_of(path, key, value)
     if array.size != 16:
         raise fail(path, key, f"expected a 4x4 matrix, found {array.size} numbers")
-    return rigid(path, key, array.reshape(4, 4))
+    return rigid(path, key, array.reshape(4, 4), report)
 
 
-def rigid(path: Path, where: str, matrix: Floats) -> Pose:
-    """Check that a (4, 4) or (3, 4) matrix is a rigid transform."""
+def rigid(path: Path, where: str, matrix: Floats, report: Report) -> Pose:
+    """Check that a (4, 4) or (3, 4) matrix is a rigid transform; one of few decimals is made one, and noted."""
     square = np.eye(4)
     square[: len(matrix)] = matrix
+    rotation = square[:3, :3]
+    off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if _EXACT < off < _ROUNDED and np.linalg.det(rotation) > 0:
+        report.note(
+            path, where, f"the rotation is {off:.1g} off orthonormal: rounded numbers, the nearest one is taken"
+        )
+        square[:3, :3] = nearest_rotation(rotation)
     try:
         return Pose.from_matrix(square)
     except GeometryError as error:

@@ -14,10 +14,14 @@ from meshslam.sequences.text import check_increasing, read_table
 
 
 def read_tum(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
-    """Read times (n,) in seconds, increasing, and their poses; quaternions must be of unit length to 1e-3."""
+    """Read times (n,) in seconds, increasing, and their poses; quaternions must be of unit length to 1e-2."""
     table = read_table(path, 8, report)
     lengths = np.linalg.norm(table.rows[:, 4:], axis=1)
-    for i in np.flatnonzero(np.abs(lengths - 1) > 1e-3):
+    rounded = (np.abs(lengths - 1) > 1e-3) & (np.abs(lengths - 1) <= 1e-2)
+    if rounded.any():
+        first = table.lines[int(np.argmax(rounded))]
+        report.note(path, f"line {first}", f"{rounded.sum()} quaternions are not quite of length 1: made so")
+    for i in np.flatnonzero(np.abs(lengths - 1) > 1e-2):
         report.add(path, f"line {table.lines[i]}", f"the quaternion's length is {lengths[i]:.6g}, expected 1")
     keep = lengths > 1e-9
     rows, lines = table.rows[keep], tuple(np.array(table.lines, int)[keep].tolist())

@@ -9,7 +9,8 @@ import numpy as np
 
 from meshslam.geometry import Bytes, Floats, Singles
 
-WIDTH_PX, HEIGHT_PX = 128, 96  # of the network's input
+WIDTH_PX = 128  # of the network's input
+HEIGHT_PX = 96  # of the network's input
 ROOM = 1.25  # the crop's sides over the box's
 GREY = 114  # beyond the image's border
 
