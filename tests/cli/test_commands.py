@@ -167,7 +167,7 @@ def test_check_looks_at_given_detections(source, source_run, tmp_path):
     (tmp_path / "other.json").write_text(json.dumps(document))
     result = meshslam("check", source, "--detections", tmp_path / "other.json")
     assert result.returncode == 1
-    assert "other.json: annotations id 1: viewing_angle_shares" in result.stdout
+    assert "other.json: annotations[0] (id 1): viewing_angle_shares" in result.stdout
 
 
 def test_check_of_a_missing_folder(tmp_path):

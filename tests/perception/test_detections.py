@@ -130,7 +130,6 @@ BROKEN = {  # path in the file, value (None: delete), what the message says
     "NaN polygon": ("annotations.2.segmentation", [[1, 2, 3, 4, 5, NAN]], "segmentation: has a polygon 0"),
     "far polygon": ("annotations.2.segmentation", [[1, 2, 3, 4, 1e9, 6]], "far outside"),
     "no mask": ("annotations.1.segmentation", None, "annotations[1] (id 2): segmentation: is missing"),
-    "no bbox": ("annotations.1.bbox", None, "annotations[1] (id 2): bbox: is missing"),
     "short bbox": ("annotations.1.bbox", [1, 2, 3], "bbox: found [1, 2, 3]"),
     "negative bbox": ("annotations.1.bbox", [1, 2, 3, -4], "bbox: found [1, 2, 3, -4]"),
     "NaN bbox": ("annotations.1.bbox", [1, 2, 3, NAN], "bbox: found NaN"),
@@ -239,3 +238,8 @@ def test_polygons_cover_what_they_enclose():
     expected[5:12, 5:15] = 1
     expected[20:25, 20:25] = 1
     np.testing.assert_array_equal(mask, expected)
+
+
+def test_packed_runs_beyond_the_image_are_named_by_their_range():
+    huge = "PPPPPPPP1"  # 2^40
+    assert "has counts from" in segmentation_problem({"size": [20, 30], "counts": huge}, 20, 30)

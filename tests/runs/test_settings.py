@@ -54,8 +54,11 @@ def another(known, config):
     raise AssertionError(known.name)
 
 
+ADDED = ("input.category_names",)  # since 0.1
+
+
 def test_every_setting_says_what_it_is():
-    assert len(KNOWN) == len(OLD) + 1
+    assert len(KNOWN) == len(OLD) + 1 + len(ADDED)
     for path, known in {**KNOWN, **SIMULATED}.items():
         bounds = known.about.bounds
         assert known.types or known.literals, path

@@ -27,7 +27,7 @@ def random_image(rng, shape=(48, 64, 3)):
 def coco_document(frames=FRAMES) -> dict:
     annotation = {
         "category_id": 1,
-        "bbox": [4.0, 5.0, 20.0, 10.0],
+        "bbox": [2.0, 0.0, 2.0, 48.0],  # of the mask
         "score": 0.9,
         "segmentation": {"size": [48, 64], "counts": [100, 50, 48 * 64 - 150]},
         "keypoints": [5.0, 6.0, 2, 0, 0, 0],

@@ -30,6 +30,15 @@ def convert(
     sequence: Annotated[Path, typer.Option(help="Folder of the recording: its frames and its images' size.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     masks: Annotated[Path | None, typer.Option(help="openpifpaf: detections with masks, which get the points.")] = None,
+    names: Annotated[
+        str | None,
+        typer.Option(
+            help="yolo, coco-results: names of the class numbers: a file such as Ultralytics' data.yaml, or car,truck."
+        ),
+    ] = None,
+    first_frame: Annotated[
+        int | None, typer.Option(help="Number that the files give to the recording's first frame, such as 1.")
+    ] = None,
     layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
     camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
 ) -> None:
@@ -37,14 +46,19 @@ def convert(
 
     Example: meshslam convert mots-txt 0006.txt --sequence 06 --out detections.json
     """
+    import sys
+    from functools import partial
+
     from meshslam.errors import DetectionError
     from meshslam.maps import write_atomically
     from meshslam.perception import (
         ImageFrames,
+        counted_from_one,
         from_coco_results,
         from_mots_png,
         from_mots_txt,
         from_yolo_txt,
+        read_class_names,
         read_detections,
         with_openpifpaf,
         write_detections,
@@ -53,19 +67,26 @@ def convert(
 
     recording = open_input(InputConfig(sequence=str(sequence), layout=layout, camera=camera))
     raw = recording.raw_camera
-    frames = ImageFrames(recording.frame_ids, raw.width, raw.height)
+    frames = ImageFrames(recording.frame_ids, raw.width, raw.height, first_frame)
     if source is Source.openpifpaf:
         if masks is None:
             raise DetectionError("openpifpaf has key points but no masks: give --masks FILE (meshslam detect makes it)")
-        found = with_openpifpaf(path, read_detections(masks))
+        found = with_openpifpaf(path, read_detections(masks), frames.shift)
     else:
+        table = None if names is None else read_class_names(names)
+        if table is not None and source in (Source.mots_txt, Source.mots_png):
+            raise DetectionError(f"--names: {source} has classes of its own: leave it out")
+        if table is not None and source is Source.coco_results and "=" not in str(names):
+            table = counted_from_one(path, table)
         readers: dict[Source, Callable[[Path, ImageFrames], DetectionSet]] = {
-            Source.coco_results: from_coco_results,
-            Source.yolo: from_yolo_txt,
+            Source.coco_results: partial(from_coco_results, names=table),
+            Source.yolo: partial(from_yolo_txt, names=table),
             Source.mots_txt: from_mots_txt,
             Source.mots_png: from_mots_png,
         }
         found = readers[source](path, frames)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(out, write_detections(found))
+    for note in found.warnings:
+        print(f"note: {note}", file=sys.stderr)
     print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

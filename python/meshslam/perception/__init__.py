@@ -1,9 +1,11 @@
 """Segmentation, tracking, and detections in and out."""
 
 from meshslam.perception.boxes import are_near, nearness_on_ground
+from meshslam.perception.class_names import renamings, untracked
 from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
 from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
-from meshslam.perception.conversion.coco_results import from_coco_results
+from meshslam.perception.conversion.class_numbers import read_class_names
+from meshslam.perception.conversion.coco_results import counted_from_one, from_coco_results
 from meshslam.perception.conversion.frames import ImageFrames
 from meshslam.perception.conversion.mots import from_mots_png, from_mots_txt
 from meshslam.perception.conversion.openpifpaf import with_openpifpaf
@@ -27,7 +29,7 @@ from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder,
 from meshslam.perception.keypoints.mirror import MIRRORED, Answers, answers_of
 from meshslam.perception.masks import encode_mask
 from meshslam.perception.model_store import ADVICE, add_model, find_model, store_folder, stored_models
-from meshslam.perception.reading import read_detections
+from meshslam.perception.reading import LEAST_ANGLES, check_detections, read_detections, read_recorded_detections
 from meshslam.perception.segmentation import detect, load_segmenter
 from meshslam.perception.tracking import TrackerConfig, track, voted_category
 
@@ -39,6 +41,7 @@ __all__ = [
     "GREY",
     "HEIGHT_PX",
     "KEYPOINTS",
+    "LEAST_ANGLES",
     "MIRRORED",
     "REACH",
     "WIDTH_PX",
@@ -64,7 +67,9 @@ __all__ = [
     "answers_of",
     "are_near",
     "body_colour_bgr",
+    "check_detections",
     "corners",
+    "counted_from_one",
     "cut_out",
     "detect",
     "encode_mask",
@@ -81,11 +86,15 @@ __all__ = [
     "peak_angle",
     "point_colour_bgr",
     "points_in_input",
+    "read_class_names",
     "read_detections",
+    "read_recorded_detections",
+    "renamings",
     "store_folder",
     "stored_models",
     "to_input",
     "track",
+    "untracked",
     "voted_category",
     "with_openpifpaf",
     "write_detections",

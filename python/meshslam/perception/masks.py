@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TypedDict, TypeGuard
+from typing import Any, TypedDict, TypeGuard
 
 import numpy as np
 from pycocotools import mask as coco
 
 from meshslam.errors import DetectionError
-from meshslam.geometry import Bytes, Ints
+from meshslam.geometry import Bytes, Floats, Ints
 
 
 class RunLengths(TypedDict):
@@ -50,6 +50,27 @@ def segmentation_area_px(segmentation: Segmentation, height: int, width: int) ->
     return int(_runs(segmentation, height, width)[1::2].sum())
 
 
+def segmentation_box(segmentation: Segmentation, height: int, width: int) -> tuple[float, float, float, float]:
+    """The box of a checked segmentation's pixels: x, y, width, height, px; zeros where it has none."""
+    x, y, w, h = coco.toBbox(_packed(segmentation, height, width)).tolist()
+    return (x, y, w, h) if w > 0 and h > 0 else (0.0, 0.0, 0.0, 0.0)
+
+
+def covered_shares(segmentations: Sequence[Segmentation], cover: Segmentation, height: int, width: int) -> Floats:
+    """The share (n,) of each checked segmentation's pixels that lie in `cover`, of the same image; 0 without pixels."""
+    packed = [_packed(s, height, width) for s in segmentations]
+    shares = coco.iou(packed, [_packed(cover, height, width)], [1]) if packed else np.zeros((0, 1))
+    found: Floats = np.nan_to_num(np.asarray(shares, float)[:, 0])
+    return found
+
+
+def _packed(segmentation: Segmentation, height: int, width: int) -> Any:  # noqa: ANN401 # as pycocotools takes it
+    if isinstance(segmentation, list):
+        return coco.merge(coco.frPyObjects(segmentation, height, width))
+    code = {"size": [height, width], "counts": segmentation["counts"]}
+    return code if isinstance(code["counts"], str) else coco.frPyObjects(code, height, width)
+
+
 def _runs(segmentation: Segmentation, height: int, width: int) -> Ints:
     if isinstance(segmentation, list):
         counts = coco.merge(coco.frPyObjects(segmentation, height, width))["counts"].decode("ascii")
@@ -67,15 +88,15 @@ def segmentation_problem(segmentation: object, height: int, width: int) -> str |
         return _run_length_problem(segmentation, height, width)
     if isinstance(segmentation, list):
         return _polygon_problem(segmentation, height, width)
-    return (
-        f"is {type(segmentation).__name__}, expected run lengths (an object with size and counts) or a list of polygons"
-    )
+    kind = type(segmentation).__name__
+    return f"is {kind}, expected run lengths (an object with size and counts) or a list of polygons"
 
 
 def _run_length_problem(code: dict[str, object], height: int, width: int) -> str | None:
     size, counts = code.get("size"), code.get("counts")
     if size != [height, width]:
-        return f"has size {size}, expected the image's [height, width] = [{height}, {width}]"
+        found = size if isinstance(size, list) and all(is_finite_number(s) for s in size) else type(size).__name__
+        return f"has size {str(found)[:60]}, expected the image's [height, width] = [{height}, {width}]"
     if isinstance(counts, str):
         runs = unpack_counts(counts)
         if runs is None:
@@ -84,7 +105,9 @@ def _run_length_problem(code: dict[str, object], height: int, width: int) -> str
         runs = np.asarray(counts, np.int64)
     else:
         return f"has counts of type {type(counts).__name__}, expected a string or a list of run lengths"
-    if (runs < 0).any() or runs.sum() != height * width:
+    if len(runs) and (runs.min() < 0 or runs.max() > height * width):
+        return f"has counts from {runs.min()} to {runs.max()}, expected {height} x {width} = {height * width} in all"
+    if runs.sum() != height * width:
         return f"has counts that cover {runs.sum()} pixels, expected {height} x {width} = {height * width}"
     return None
 
@@ -123,7 +146,7 @@ def _polygon_problem(polygons: Sequence[object], height: int, width: int) -> str
             return f"has a polygon {number} that is no list x0, y0, x1, y1, ... of at least three points"
         if not all(is_finite_number(v) for v in polygon):
             return f"has a polygon {number} with values that are no finite numbers"
-        xs, ys = np.array(polygon[0::2]), np.array(polygon[1::2])
+        xs, ys = np.array(polygon[0::2], float), np.array(polygon[1::2], float)
         if min(xs.min() + width, ys.min() + height) < 0 or xs.max() > 2 * width or ys.max() > 2 * height:
             return f"has a polygon {number} that lies far outside the image of {width}x{height} pixels"
     return None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,196 +12,282 @@ import numpy as np
 
 from meshslam.errors import DetectionError
 from meshslam.geometry import Floats
+from meshslam.perception.class_names import canonical_names, untracked
+from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
+from meshslam.perception.faults import Faults
+from meshslam.perception.frame_matching import frames_of_images
+from meshslam.perception.json_values import integer, is_name, kind, load_json, number, quoted, text
 from meshslam.perception.keypoint_names import ours
-from meshslam.perception.masks import is_finite_number, segmentation_problem
-from meshslam.sequences import LEAST_ANGLES
+from meshslam.perception.masks import is_finite_number, segmentation_box, segmentation_problem
+from meshslam.perception.plausible import plausible
+from meshslam.sequences import Report, Sequence
 
 Entry = TypeVar("Entry", ImageEntry, CategoryEntry, Detection)
+Part = TypeVar("Part")
 
+LEAST_ANGLES = 4  # bins of a viewing angle's distribution
+LARGEST_BOX_PX = 1e9
+LARGEST_IMAGE_PX = 10**9
 SCORE_OF_VISIBILITY = {0: 0.0, 1: 0.5, 2: 0.95}  # COCO's v where no scores are given: labelled but hidden; seen
 
 
 def read_detections(path: Path) -> DetectionSet:
     """Read a detection file as FORMATS.md describes it.
 
-    A missing `score` is 1. Missing `keypoint_scores` follow from v: 0.95 for 2, 0.5 for 1, 0 for 0. Key points outside
-    the image carry no information, confidences above 1 are 1: both are said in the set's `warnings`. Raises
-    DetectionError for everything else that breaks the schema.
+    A missing `score` is 1, a missing `bbox` the mask's own. Missing `keypoint_scores` follow from v: 0.95 for 2, 0.5
+    for 1, 0 for 0. A negative `track_id` is none. Key points outside the image carry no information, confidences above
+    1 are 1: both are said in the set's `warnings`. Raises DetectionError for everything else that breaks the schema.
     """
-    path = Path(path)
-    root = _load(path)
-    images = _entries(path, root, "images", _image)
-    categories = _entries(path, root, "categories", _category)
-    names = [c.name for c in categories]
-    if len(set(names)) < len(names):
-        raise DetectionError(f"{path}: categories: names must differ, found {names}")
-    reader = _AnnotationReader({i.id: i for i in images}, {c.id: c for c in categories})
-    detections = _entries(path, root, "annotations", reader.read)
-    return DetectionSet(images, categories, detections, reader.warnings(path))
+    faults = Faults(Path(path))
+    found, _ = _read(faults, None, None, ())
+    return replace(found, warnings=tuple(faults.notes))
 
 
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        root = json.loads(path.read_bytes())
-    except OSError as error:
-        raise DetectionError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise DetectionError(f"{path}: is no JSON: {error}") from None
+def read_recorded_detections(
+    path: Path,
+    sequence: Sequence | None,
+    renamed: Mapping[str, str] | None = None,
+    tracked: Collection[str] = VEHICLES,
+    report: Report | None = None,
+) -> DetectionSet:
+    """Read the detections that come with a recording: as `read_detections`, then made plausible.
+
+    Images are matched to the frames of `sequence` by `file_name`, which outranks ids; every frame gets an image. Names
+    of categories are compared without regard to case, with those `tracked` too; `renamed` takes names to others. Crowd
+    regions over other annotations are left out, boxes that contradict their masks are the masks' own, track ids count
+    for a class, and an id that two annotations of a frame have is not used there. All of this is said in the set's
+    `warnings`.
+
+    Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
+    and entries with problems are left out.
+    """
+    faults = Faults(Path(path), report)
+    found, crowd = _read(faults, sequence, renamed or {}, tracked)
+    return replace(plausible(found, crowd, faults), warnings=tuple(faults.notes))
+
+
+def check_detections(path: Path, sequence: Sequence | None, report: Report) -> None:
+    """Put every problem and note of a recording's detection file into a report that collects.
+
+    What runs refuse is a problem here, and nothing else is: both read with `read_recorded_detections`.
+    """
+    found = read_recorded_detections(path, sequence, report=report)
+    unused = untracked(found, VEHICLES)
+    if unused is not None:
+        report.note(Path(path), "", unused)
+
+
+def _read(
+    faults: Faults, sequence: Sequence | None, renamed: Mapping[str, str] | None, tracked: Collection[str]
+) -> tuple[DetectionSet, frozenset[int]]:
+    """The detections, and the ids of those with iscrowd 1."""
+    root = faults.attempt("", lambda: _root(faults.path))
+    if root is None:
+        return DetectionSet((), (), ()), frozenset()
+    images = _entries(faults, root, "images", lambda row, _where: _image(row))
+    rows = {key: _rows_by_id(root, key) for key in ("images", "categories")}
+    named = {id_ for id_, row in (rows["images"] or {}).items() if "file_name" in row}
+    frames = frames_of_images(images, named, sequence, faults)
+    categories = _entries(faults, root, "categories", lambda row, _where: _category(row))
+    names = canonical_names(categories, renamed, tracked, faults)
+    reader = _AnnotationReader(
+        faults, rows, {i.id: i for i in images}, frames.of_image, {c.id: c for c in categories}, names.of_category
+    )
+    detections = _entries(faults, root, "annotations", reader.read)
+    reader.tell()
+    return DetectionSet(frames.images, names.entries, detections), frozenset(reader.crowd)
+
+
+def _root(path: Path) -> dict[str, Any]:
+    root = load_json(path)
     if not isinstance(root, dict):
-        raise DetectionError(f"{path}: found {_kind(root)}, expected an object with images, categories and annotations")
+        raise DetectionError(f"{path}: found {kind(root)}, expected an object with images, categories and annotations")
     return root
 
 
-def _entries(path: Path, root: dict[str, Any], key: str, read: Callable[[dict[str, Any]], Entry]) -> tuple[Entry, ...]:
+def _rows_by_id(root: dict[str, Any], key: str) -> dict[int, dict[str, Any]] | None:
+    """Entries of a list that have an id, sound or not; None if there is no list."""
+    rows = root.get(key)
+    if not isinstance(rows, list):
+        return None
+    return {row["id"]: row for row in rows if isinstance(row, dict) and type(row.get("id")) is int}
+
+
+def _entries(
+    faults: Faults, root: dict[str, Any], key: str, read: Callable[[dict[str, Any], str], Entry | None]
+) -> tuple[Entry, ...]:
     """Read the list under `key`, each entry with its place in the message; ids must differ."""
     rows = root.get(key)
     if not isinstance(rows, list):
-        found = f"found {_kind(rows)}" if key in root else "is missing"
-        raise DetectionError(f"{path}: {key}: {found}, expected a list")
-    entries: list[Entry] = []
-    seen: set[int] = set()
+        faults.add(key, f"{'found ' + kind(rows) if key in root else 'is missing'}, expected a list")
+        return ()
+    entries: dict[int, Entry] = {}
     for index, row in enumerate(rows):
-        name = f" (id {row['id']})" if isinstance(row, dict) and "id" in row else ""
-        where = f"{path}: {key}[{index}]{name}"
-        if not isinstance(row, dict):
-            raise DetectionError(f"{where}: found {_kind(row)}, expected an object")
-        try:
-            entry = read(row)
-        except DetectionError as error:
-            raise DetectionError(f"{where}: {error}") from None
-        if entry.id in seen:
-            raise DetectionError(f"{where}: id: {entry.id} is used twice, expected one entry per id")
-        seen.add(entry.id)
-        entries.append(entry)
-    return tuple(entries)
+        name = f" (id {quoted(row['id'])})" if isinstance(row, dict) and "id" in row else ""
+        where = f"{key}[{index}]{name}"
+        entry = faults.attempt(where, partial(_read_entry, read, row, where))
+        if entry is None:
+            continue
+        if entry.id in entries:
+            faults.add(where, f"id: {entry.id} is used twice, expected one entry per id")
+        entries.setdefault(entry.id, entry)
+    return tuple(entries.values())
+
+
+def _read_entry(read: Callable[[dict[str, Any], str], Entry | None], row: object, where: str) -> Entry | None:
+    if not isinstance(row, dict):
+        raise DetectionError(f"found {kind(row)}, expected an object")
+    return read(row, where)
 
 
 def _image(row: dict[str, Any]) -> ImageEntry:
-    number = _integer(row, "id")
-    width, height = _integer(row, "width"), _integer(row, "height")
-    if min(width, height) < 1 or width * height > 10**9:
+    id_ = integer(row, "id")
+    width, height = integer(row, "width"), integer(row, "height")
+    if min(width, height) < 1 or width * height > LARGEST_IMAGE_PX:
         raise DetectionError(f"width, height: found {width} x {height}, expected an image's size in pixels")
-    return ImageEntry(number, _text(row, "file_name", f"{number:06d}.png"), width, height)
+    return ImageEntry(id_, text(row, "file_name", f"{id_:06d}.png"), width, height)
 
 
 def _category(row: dict[str, Any]) -> CategoryEntry:
     given = row.get("keypoints") or []
-    names = [ours(n) for n in given if isinstance(n, str)] if isinstance(given, list) else []
-    if len(names) < len(given) or len(set(names)) < len(names):
+    names = [ours(n) for n in given if is_name(n)] if isinstance(given, list) else []
+    if not isinstance(given, list) or len(names) < len(given) or len(set(names)) < len(names):
         raise DetectionError("keypoints: expected a list of different names")
-    return CategoryEntry(_integer(row, "id"), _text(row, "name"), tuple(names))
+    return CategoryEntry(integer(row, "id"), text(row, "name"), tuple(names))
 
 
 @dataclass
 class _AnnotationReader:
+    faults: Faults
+    rows: Mapping[str, dict[int, dict[str, Any]] | None]  # of images and categories, sound or not
     images: dict[int, ImageEntry]
+    frame_of_image: Mapping[int, int]
     categories: dict[int, CategoryEntry]
+    name_of_category: Mapping[int, str]
     outside: list[int] = field(default_factory=list)  # annotation ids, one entry per key point
     above_one: list[int] = field(default_factory=list)
+    crowd: list[int] = field(default_factory=list)
 
-    def read(self, row: dict[str, Any]) -> Detection:
-        number = _integer(row, "id")
-        image = _known(row, "image_id", self.images, "images")
-        category = _known(row, "category_id", self.categories, "categories")
-        if "segmentation" not in row:
-            raise DetectionError("segmentation: is missing, expected run lengths or polygons")
-        problem = segmentation_problem(row["segmentation"], image.height, image.width)
-        if problem:
-            raise DetectionError(f"segmentation: {problem}")
-        points, scores = self._keypoints(row, number, image, category)
+    def read(self, row: dict[str, Any], where: str) -> Detection | None:
+        """One annotation; None if it has problems that were collected."""
+
+        def part(read: Callable[[], Part]) -> Part | None:
+            return self.faults.attempt(where, read)
+
+        if self._is_told(row):
+            return None
+        id_ = part(lambda: integer(row, "id"))
+        image = part(lambda: _known(row, "image_id", self.images, "images"))
+        category = part(lambda: _known(row, "category_id", self.categories, "categories"))
+        if id_ is None or image is None or category is None:
+            return None
+        before = self.faults.problem_count
+        part(lambda: _check_mask(row, image))
+        points = part(lambda: self._keypoints(row, id_, image, category))
+        score = part(lambda: self._confidence(row.get("score", 1.0), "score", id_))
+        box = part(lambda: _box(row))
+        count = 0 if points is None or points[1] is None else len(points[1])
+        sigmas = part(lambda: _positive(row, "keypoint_sigmas_px", count) if count else None)
+        shares = part(lambda: _shares(row))
+        track = part(lambda: _track(row))
+        if points is None or score is None or self.faults.problem_count > before or image.id not in self.frame_of_image:
+            return None
+        size = (image.height, image.width)
+        self.crowd += [id_] if row.get("iscrowd") == 1 else []
         return Detection(
-            id=number,
-            frame=image.id,
-            category=category.name,
-            score=self._confidence(row.get("score", 1.0), "score", number),
-            bbox=_box(row),
+            id=id_,
+            frame=self.frame_of_image[image.id],
+            category=self.name_of_category[category.id],
+            score=score,
+            bbox=box or segmentation_box(row["segmentation"], *size),
             segmentation=row["segmentation"],
-            image_size=(image.height, image.width),
-            keypoints=points,
-            keypoint_scores=scores,
-            keypoint_sigmas_px=None if scores is None else _positive(row, "keypoint_sigmas_px", len(scores)),
-            viewing_angle_shares=_shares(row),
-            track_id=_integer(row, "track_id") if row.get("track_id") is not None else None,
+            image_size=size,
+            keypoints=points[0],
+            keypoint_scores=points[1],
+            keypoint_sigmas_px=sigmas,
+            viewing_angle_shares=shares,
+            track_id=track,
+        )
+
+    def _is_told(self, row: dict[str, Any]) -> bool:
+        """Whether the entry that an annotation belongs to has a problem, which was collected."""
+        known = (("images", "image_id", self.images), ("categories", "category_id", self.categories))
+        return any(
+            type(row.get(key)) is int and row[key] not in sound and (rows is None or row[key] in rows)
+            for (where, key, sound) in known
+            for rows in (self.rows[where],)
         )
 
     def _keypoints(
-        self, row: dict[str, Any], number: int, image: ImageEntry, category: CategoryEntry
+        self, row: dict[str, Any], id_: int, image: ImageEntry, category: CategoryEntry
     ) -> tuple[Floats | None, Floats | None]:
         flat, count = row.get("keypoints"), len(category.keypoints)
         if flat is None or flat == []:
             return None, None
         if not isinstance(flat, list) or len(flat) != 3 * count:
-            found = f"{len(flat)} numbers" if isinstance(flat, list) else _kind(flat)
-            expected = f"3 x {count} (x, y, v of each of the {category.name}'s key points that `categories` names)"
+            found = f"{len(flat)} numbers" if isinstance(flat, list) else kind(flat)
+            name = quoted(category.name)
+            expected = f"3 x {count} (x, y, v of each key point that `categories` names for {name})"
             raise DetectionError(f"keypoints: found {found}, expected {expected}")
         visibility = [_visibility(v) for v in flat[2::3]]
         points = np.array([_coordinate(value, visibility[i // 2]) for i, value in enumerate(_without_v(flat))])
         points = points.reshape(count, 2)
-        scores = self._keypoint_scores(row, number, visibility)
+        scores = self._keypoint_scores(row, id_, visibility)
         inside = ((points >= -0.5) & (points <= np.array([image.width, image.height]) - 0.5)).all(1)
-        self.outside += [number] * int((~inside & (scores > 0)).sum())
+        self.outside += [id_] * int((~inside & (scores > 0)).sum())
         return points, np.where(inside, scores, 0.0)
 
-    def _keypoint_scores(self, row: dict[str, Any], number: int, visibility: list[int]) -> Floats:
+    def _keypoint_scores(self, row: dict[str, Any], id_: int, visibility: list[int]) -> Floats:
         given = row.get("keypoint_scores")
         if given is None:
             return np.array([SCORE_OF_VISIBILITY[v] for v in visibility])
         if not isinstance(given, list) or len(given) != len(visibility):
-            found = f"{len(given)} numbers" if isinstance(given, list) else _kind(given)
+            found = f"{len(given)} numbers" if isinstance(given, list) else kind(given)
             raise DetectionError(f"keypoint_scores: found {found}, expected {len(visibility)}, one per key point")
         pairs = zip(given, visibility, strict=True)
-        return np.array([self._confidence(s, "keypoint_scores", number) if v else 0.0 for s, v in pairs])
+        return np.array([self._confidence(s, "keypoint_scores", id_) if v else 0.0 for s, v in pairs])
 
-    def _confidence(self, value: object, key: str, number: int) -> float:
-        score = _number(value, key)
+    def _confidence(self, value: object, key: str, id_: int) -> float:
+        score = number(value, key)
         if score < 0:
             raise DetectionError(f"{key}: found {score}, expected a confidence between 0 and 1")
         if score > 1:
-            self.above_one.append(number)
+            self.above_one.append(id_)
         return min(score, 1.0)
 
-    def warnings(self, path: Path) -> tuple[str, ...]:
+    def tell(self) -> None:
         """Sum up what was handled, one line a kind."""
         said = {
             "key points outside their image, taken as no information": self.outside,
             "confidences above 1, taken as 1": self.above_one,
         }
-        return tuple(f"{path}: {what}: {len(ids)} (first: annotation {ids[0]})" for what, ids in said.items() if ids)
+        for what, ids in said.items():
+            if ids:
+                self.faults.note(f"{what}: {len(ids)} (first: annotation {ids[0]})")
 
 
-def _kind(value: object) -> str:
-    names = {
-        dict: "an object",
-        list: "a list",
-        str: "a string",
-        bool: "true or false",
-        int: "a number",
-        float: "a number",
-    }
-    return names.get(type(value), "null")
+def _known(row: dict[str, Any], key: str, known: dict[int, Part], where: str) -> Part:
+    id_ = integer(row, key)
+    if id_ not in known:
+        raise DetectionError(f"{key}: found {id_}, expected the id of an entry of `{where}`")
+    return known[id_]
 
 
-def _integer(row: dict[str, Any], key: str) -> int:
-    value = row.get(key)
-    if key not in row:
-        raise DetectionError(f"{key}: is missing, expected an integer")
-    if type(value) is not int or value < 0:
-        raise DetectionError(f"{key}: found {json.dumps(value)[:60]}, expected an integer that is not negative")
-    return value
+def _check_mask(row: dict[str, Any], image: ImageEntry) -> None:
+    if "segmentation" not in row:
+        raise DetectionError("segmentation: is missing, expected run lengths or polygons")
+    problem = segmentation_problem(row["segmentation"], image.height, image.width)
+    if problem:
+        raise DetectionError(f"segmentation: {problem}")
 
 
-def _text(row: dict[str, Any], key: str, default: str | None = None) -> str:
-    value = row.get(key, default)
-    if not isinstance(value, str) or not value:
-        raise DetectionError(f"{key}: {'found ' + _kind(value) if key in row else 'is missing'}, expected a name")
-    return value
-
-
-def _number(value: object, key: str) -> float:
-    if not is_finite_number(value):
-        raise DetectionError(f"{key}: found {json.dumps(value)[:60]}, expected a finite number")
-    return float(value)
+def _track(row: dict[str, Any]) -> int | None:
+    """The track; trackers write a negative number for none."""
+    if row.get("track_id") is None:
+        return None
+    id_ = integer(row, "track_id", least=-(2**53))
+    return id_ if id_ >= 0 else None
 
 
 def _positive(row: dict[str, Any], key: str, count: int) -> Floats | None:
@@ -210,50 +296,44 @@ def _positive(row: dict[str, Any], key: str, count: int) -> Floats | None:
         return None
     if not isinstance(given, list) or len(given) != count:
         raise DetectionError(f"{key}: expected {count} numbers, one per key point")
-    values = np.array([_number(value, key) for value in given])
+    values = np.array([number(value, key) for value in given])
     if (values <= 0).any():
         raise DetectionError(f"{key}: found {values.min()}, expected pixels above 0")
     return values
 
 
 def _shares(row: dict[str, Any]) -> Floats | None:
-    """The distribution of the viewing angle, up to a factor."""
     key = "viewing_angle_shares"
     given = row.get(key)
     if given is None:
         return None
     if not isinstance(given, list) or len(given) < LEAST_ANGLES:
         raise DetectionError(f"{key}: expected a list of at least {LEAST_ANGLES} shares")
-    values = np.array([_number(value, key) for value in given])
-    if (values < 0).any() or values.sum() <= 0:
+    values = np.array([number(value, key) for value in given])
+    with np.errstate(over="ignore"):
+        total = float(values.sum())
+    if (values < 0).any() or not 0 < total < float("inf"):
         raise DetectionError(f"{key}: expected shares that are not negative, and not all 0")
     return values
 
 
-Value = TypeVar("Value", ImageEntry, CategoryEntry)
-
-
-def _known(row: dict[str, Any], key: str, known: dict[int, Value], where: str) -> Value:
-    number = _integer(row, key)
-    if number not in known:
-        raise DetectionError(f"{key}: found {number}, expected the id of an entry of `{where}`")
-    return known[number]
-
-
-def _box(row: dict[str, Any]) -> tuple[float, float, float, float]:
+def _box(row: dict[str, Any]) -> tuple[float, float, float, float] | None:
+    """The box in pixels; None where none is given."""
     value = row.get("bbox")
+    if value is None:
+        return None
     if not isinstance(value, list) or len(value) != 4:
-        found = "is missing" if "bbox" not in row else f"found {json.dumps(value)[:60]}"
-        raise DetectionError(f"bbox: {found}, expected [x, y, width, height]")
-    x, y, width, height = (_number(v, "bbox") for v in value)
+        raise DetectionError(f"bbox: found {quoted(value)}, expected [x, y, width, height]")
+    x, y, width, height = (number(v, "bbox", LARGEST_BOX_PX) for v in value)
     if min(width, height) < 0:
-        raise DetectionError(f"bbox: found {value}, expected [x, y, width, height] with a size that is not negative")
+        found = quoted(value)
+        raise DetectionError(f"bbox: found {found}, expected [x, y, width, height] with a size that is not negative")
     return x, y, width, height
 
 
 def _visibility(value: object) -> int:
     if not is_finite_number(value) or value not in SCORE_OF_VISIBILITY:
-        raise DetectionError(f"keypoints: found v = {json.dumps(value)[:60]}, expected 0, 1 or 2")
+        raise DetectionError(f"keypoints: found v = {quoted(value)}, expected 0, 1 or 2")
     return int(value)
 
 
@@ -265,4 +345,4 @@ def _coordinate(value: object, visibility: int) -> float:
     """Read a coordinate in pixels; where v = 0 it may be anything, and what is no number becomes 0."""
     if visibility == 0 and not is_finite_number(value):
         return 0.0
-    return _number(value, "keypoints")
+    return number(value, "keypoints")

@@ -12,7 +12,7 @@ _RECORDING = (
     "input.camera_from_body",
 )
 _PERCEPTION = ("input.segmenter", "segmentation", "colour", "keypoints")
-_SEEN = (*_RECORDING, "input.detections", *_PERCEPTION)
+_SEEN = (*_RECORDING, "input.detections", "input.category_names", *_PERCEPTION)
 _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them

@@ -24,6 +24,7 @@ class InputConfig(Settings):
     camera: int | None = public(None, low=0, doc="which of the cameras of the layout, or of the extrinsics' file")
     segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
     detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
+    category_names: tuple[str, ...] = public((), doc="classes of the detections that are others of ours: vehicle=car")
     category: str = public("car", doc="category to map: a shipped one, or a file (.npz)")
     map: str | None = public(None, doc="a run, its map.json, or an objects.json")
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")

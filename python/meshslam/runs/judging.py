@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import DetectionError
-from meshslam.perception import DetectionSet, read_detections
+from meshslam.perception import DetectionSet, read_recorded_detections
 from meshslam.plausibility import (
     FRAME_STEP_S,
     Finding,
@@ -20,6 +20,7 @@ from meshslam.plausibility import (
     notes,
     raise_errors,
 )
+from meshslam.runs.checking import detection_problems
 from meshslam.runs.config import InputConfig
 from meshslam.runs.outlet import Outlet
 from meshslam.sequences import Sequence, inspect_sequence
@@ -43,6 +44,8 @@ def check_recording(chosen: InputConfig) -> list[Finding]:
         poses_convention=chosen.poses_convention,
         camera_from_body=files[2],
     )
+    given = None if chosen.detections is None else Path(chosen.detections)
+    problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording)]
     found = [Finding("input", str(p), "error" if p.severity == "problem" else "note") for p in problems]
     if recording is None:
         return found
@@ -55,7 +58,8 @@ def check_recording(chosen: InputConfig) -> list[Finding]:
 def _judge_given_tracks(recording: Sequence) -> list[Finding]:
     """Of a detection file that says which detections are one object."""
     try:
-        given = read_detections(recording.detections_path) if recording.detections_path else None
+        file = recording.detections_path
+        given = None if file is None else read_recorded_detections(file, recording)
     except DetectionError:  # what is wrong with its form is said already
         return []
     return [] if given is None else judge_tracks(recording, given)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
-from meshslam.errors import DetectionError, ModelError, SequenceError
+from meshslam.errors import ModelError, SequenceError
 from meshslam.geometry import Bytes
 from meshslam.maps import RunDirectory
 from meshslam.perception import (
     COLOUR,
     ColourSegmenter,
     DetectionSet,
-    ImageEntry,
     KeypointFinder,
     Segmenter,
     add_keypoints,
@@ -20,7 +18,10 @@ from meshslam.perception import (
     find_model,
     load_segmenter,
     read_detections,
+    read_recorded_detections,
+    renamings,
     track,
+    untracked,
     write_detections,
 )
 from meshslam.runs.config import Config
@@ -42,9 +43,13 @@ def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirect
     What a former run that was cut short has segmented is taken from its folder.
     """
     if config.input.segmenter is None and recording.detections_path is not None:
-        found = fitted(read_detections(recording.detections_path), recording, recording.detections_path)
+        renamed, tracked = renamings(config.input.category_names), config.tracking.categories
+        found = read_recorded_detections(recording.detections_path, recording, renamed, tracked)
         for warning in found.warnings:
             outlet.note(warning)
+        unused = untracked(found, tracked)
+        if unused is not None:
+            outlet.note(f"{recording.detections_path}: {unused}")
         return _perceived(with_keypoints(recording, found, config, outlet), config)
     if run is not None and run.has("detections.json") and not by_colour(config):
         found = read_detections(run.path("detections.json"))
@@ -100,25 +105,6 @@ def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, out
         KeypointFinder(config.keypoints),
         progress=lambda frame: outlet.progress("key points", index.get(frame, -1) + 1, len(index)),
     )
-
-
-def fitted(found: DetectionSet, recording: Sequence, path: Path) -> DetectionSet:
-    """The detections with one image a frame; DetectionError for an image of no frame, or of another size."""
-    raw, left_out = recording.raw_camera, recording.left_out_frames
-    if left_out:
-        kept = tuple(image for image in found.images if image.id not in left_out)
-        found = replace(found, images=kept, detections=tuple(d for d in found.detections if d.frame not in left_out))
-    of_frame = {image.id: image for image in found.images}
-    for number, image in of_frame.items():
-        if number not in recording.frame_ids:
-            frames = f"{recording.frame_ids[0]} to {recording.frame_ids[-1]}"
-            raise DetectionError(f"{path}: images id {number}: no frame of that number; frames are {frames}")
-        if (image.width, image.height) != (raw.width, raw.height):
-            size = f"{image.width}x{image.height}, the camera's is {raw.width}x{raw.height}"
-            raise DetectionError(f"{path}: images id {number}: is {size}")
-    missing = (ImageEntry(i, f"{i:06d}.png", raw.width, raw.height) for i in recording.frame_ids if i not in of_frame)
-    images = sorted((*found.images, *missing), key=lambda image: image.id)
-    return replace(found, images=tuple(images))
 
 
 def follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:

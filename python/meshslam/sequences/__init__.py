@@ -2,7 +2,6 @@
 
 from meshslam.sequences.check import check_sequence, inspect_sequence
 from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
-from meshslam.sequences.detection_schema import LEAST_ANGLES
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder import read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
@@ -17,7 +16,6 @@ from meshslam.sequences.turning import turns
 
 __all__ = [
     "CONVENTIONS",
-    "LEAST_ANGLES",
     "LOADERS",
     "WORLD_FROM_FIRST_CAMERA",
     "Convention",

@@ -9,7 +9,6 @@ import numpy as np
 
 from meshslam.errors import SequenceError
 from meshslam.sequences.conventions import Convention
-from meshslam.sequences.detection_schema import check_detections
 from meshslam.sequences.images import load_image
 from meshslam.sequences.imu_files import with_imu
 from meshslam.sequences.registry import find_loader, load_options
@@ -28,7 +27,7 @@ def check_sequence(
 ) -> list[Problem]:
     """Look at everything that a run would read, every image too; an empty list means that nothing is wrong.
 
-    Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes, the detections' schema.
+    Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes. Detections are checked elsewhere.
     """
     return inspect_sequence(path, layout, camera_number, detections_path)[1]
 
@@ -62,9 +61,6 @@ def inspect_sequence(
         report.attempt(partial(load_image, image, None if raw is None else (raw.width, raw.height), bits))
     if sequence is not None:
         _check_imu(sequence, report)
-    detections = options.detections_path or path / "detections.json"
-    if options.detections_path is not None or detections.is_file():
-        check_detections(detections, sequence, report)
     return sequence, report.problems
 
 

@@ -26,7 +26,7 @@ class Table:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 file; FoundError if it is missing or unreadable."""
+    """Read a UTF-8 file, a byte order mark at its start or not; FoundError if it is missing or unreadable."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
 from meshslam.errors import DetectionError
 from meshslam.perception.coco import COCO_NUMBERS
-from meshslam.perception.conversion.frames import Found, ImageFrames, gathered, loaded
+from meshslam.perception.conversion.class_numbers import class_note
+from meshslam.perception.conversion.frames import Found, ImageFrames, gathered
 from meshslam.perception.detections import DetectionSet
+from meshslam.perception.json_values import load_json, quoted
 from meshslam.perception.masks import is_finite_number, segmentation_problem
 
 
 def from_coco_results(path: Path, frames: ImageFrames, names: Mapping[int, str] | None = None) -> DetectionSet:
     """Read results; `image_id` is the frame number. `names` of `category_id`, COCO's own numbers (1 to 90) if None."""
-    names = COCO_NUMBERS if names is None else names
-    rows = loaded(path)
+    table = COCO_NUMBERS if names is None else names
+    rows = load_json(path)
     if not isinstance(rows, list):
         raise DetectionError(f"{path}: expected a list of results, found {type(rows).__name__}")
-    return gathered([_found(row, f"{path}: [{i}]", frames, names) for i, row in enumerate(rows)], frames)
+    found = [_found(row, f"{path}: [{i}]", frames, table) for i, row in enumerate(rows)]
+    note = class_note(path, Counter(row["category_id"] for row in rows), table, given=names is not None)
+    return gathered(found, frames, notes=note)
+
+
+def counted_from_one(path: Path, names: Mapping[int, str]) -> dict[int, str]:
+    """Names by `category_id` for names counted from 0: results count categories from 1, unless one of them is 0."""
+    if 0 not in names:
+        return dict(names)
+    rows = load_json(path)
+    ids = [row.get("category_id") for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+    return dict(names) if 0 in ids else {number + 1: name for number, name in names.items()}
 
 
 def _found(row: object, where: str, frames: ImageFrames, names: Mapping[int, str]) -> Found:
@@ -26,11 +40,12 @@ def _found(row: object, where: str, frames: ImageFrames, names: Mapping[int, str
         raise DetectionError(f"{where}: expected an object")
     frame, category, score = row.get("image_id"), row.get("category_id"), row.get("score")
     if type(frame) is not int:
-        raise DetectionError(f"{where}: image_id: found {frame!r}, expected a frame number")
+        raise DetectionError(f"{where}: image_id: found {quoted(frame)}, expected a frame number")
     if type(category) is not int or category not in names:
-        raise DetectionError(f"{where}: category_id: found {category!r}, expected one of {sorted(names)[:5]} ...")
+        known = ", ".join(map(str, sorted(names)[:5]))
+        raise DetectionError(f"{where}: category_id: found {quoted(category)}, expected one of {known} ...")
     if not is_finite_number(score) or not 0 <= score <= 1:
-        raise DetectionError(f"{where}: score: found {score!r}, expected a number from 0 to 1")
+        raise DetectionError(f"{where}: score: found {quoted(score)}, expected a number from 0 to 1")
     segmentation = row.get("segmentation")
     problem = segmentation_problem(segmentation, frames.height, frames.width)
     if problem:

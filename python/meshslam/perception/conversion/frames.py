@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +13,10 @@ import numpy as np
 from meshslam.errors import DetectionError
 from meshslam.geometry import Bytes
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
+from meshslam.perception.json_values import LARGEST_NUMBER, quoted
 from meshslam.perception.masks import Segmentation, decode_segmentation
+
+LARGEST_DIGITS = 18  # of a frame number in a file's name
 
 
 @dataclass(frozen=True)
@@ -24,13 +26,27 @@ class ImageFrames:
     numbers: tuple[int, ...]
     width: int
     height: int
+    first: int | None = None  # number that other tools give to the recording's first frame; None: its own
 
     def known(self, number: int, where: str) -> int:
-        """The number, if there is such a frame; DetectionError otherwise."""
-        if number not in self.numbers:
-            span = f"{self.numbers[0]} to {self.numbers[-1]}" if self.numbers else "none"
-            raise DetectionError(f"{where}: frame {number}: the recording's frames are {span}")
-        return number
+        """The frame that another tool's number means; DetectionError if there is none."""
+        frame = number + self.shift
+        if frame in self._every:
+            return frame
+        span = f"{self.numbers[0]} to {self.numbers[-1]}" if self.numbers else "none"
+        counted = "" if self.first is None else f", counted here from {self.first}"
+        ahead = bool(self.numbers) and self.first is None and number == self.numbers[-1] + 1
+        hint = f" (if numbers begin with {self.numbers[0] + 1}: --first-frame {self.numbers[0] + 1})" if ahead else ""
+        raise DetectionError(f"{where}: frame {quoted(number)}: the recording's frames are {span}{counted}{hint}")
+
+    @property
+    def shift(self) -> int:
+        """What is added to another tool's number."""
+        return 0 if self.first is None or not self.numbers else self.numbers[0] - self.first
+
+    @cached_property
+    def _every(self) -> frozenset[int]:
+        return frozenset(self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +60,13 @@ class Found:
     track_id: int | None = None
 
 
-def gathered(found: Iterable[Found], frames: ImageFrames, names: Sequence[str] = ()) -> DetectionSet:
-    """A set with ids in the order of the frames; empty masks are left out. `names` come first among the categories."""
+def gathered(
+    found: Iterable[Found], frames: ImageFrames, names: Sequence[str] = (), notes: Sequence[str] = ()
+) -> DetectionSet:
+    """A set with ids in the order of the frames; empty masks are left out. `names` come first among the categories.
+
+    `notes` become its warnings, with one more where the frames' numbers seem to begin one too high.
+    """
     rows = sorted(found, key=lambda f: f.frame)
     listed = list(dict.fromkeys([*names, *(f.category for f in rows)]))
     size = (frames.height, frames.width)
@@ -62,7 +83,21 @@ def gathered(found: Iterable[Found], frames: ImageFrames, names: Sequence[str] =
             )
     images = tuple(ImageEntry(n, f"{n:06d}.png", frames.width, frames.height) for n in sorted(frames.numbers))
     categories = tuple(CategoryEntry(i + 1, name) for i, name in enumerate(listed))
-    return DetectionSet(images, categories, tuple(detections))
+    said = [*notes, *_numbering_note({row.frame for row in rows}, frames)]
+    return DetectionSet(images, categories, tuple(detections), tuple(said))
+
+
+def _numbering_note(used: set[int], frames: ImageFrames) -> list[str]:
+    """A note where the first frame alone has nothing: other tools count from 1."""
+    if frames.first is not None or len(used) < 2 or len(frames.numbers) < 2:
+        return []
+    first, second = frames.numbers[:2]
+    if min(used) != second or len(used) != len([n for n in frames.numbers if second <= n <= max(used)]):
+        return []
+    return [
+        f"frame {first} has no detection, but frames {second} to {max(used)} all have: if the numbers begin with "
+        f"{first + 1}, say --first-frame {first + 1}"
+    ]
 
 
 def frame_of(path: Path) -> int:
@@ -73,6 +108,8 @@ def frame_of(path: Path) -> int:
         raise DetectionError(
             f"{path}: its name ends in no frame number, expected such as 000012{''.join(path.suffixes)}"
         )
+    if len(digits) > LARGEST_DIGITS:
+        raise DetectionError(f"{path}: its name ends in {len(digits)} digits, expected at most {LARGEST_DIGITS}")
     return int(digits)
 
 
@@ -86,20 +123,10 @@ def files_in(folder: Path, suffix: str) -> list[Path]:
     return found
 
 
-def loaded(path: Path) -> Any:  # any JSON  # noqa: ANN401 # any JSON
-    """What a JSON file holds; DetectionError if it cannot be read."""
-    try:
-        return json.loads(path.read_bytes())
-    except OSError as error:
-        raise DetectionError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise DetectionError(f"{path}: is no JSON: {error}") from None
-
-
 def lines_of(path: Path) -> list[tuple[str, list[str]]]:
     """The words of each line that is not empty, with its place."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise DetectionError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
@@ -111,11 +138,29 @@ def numbers_of(words: Sequence[str], where: str) -> list[float]:
     """Words as finite numbers."""
     try:
         values = [float(word) for word in words]
-    except ValueError as error:
-        raise DetectionError(f"{where}: {error}") from None
+    except ValueError:
+        wrong = next(word for word in words if not _is_number(word))
+        raise DetectionError(f"{where}: found {quoted(wrong)}, expected a number") from None
     if not np.isfinite(values).all():
         raise DetectionError(f"{where}: expected finite numbers")
     return values
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def integers_of(words: Sequence[str], where: str) -> list[int]:
+    """Words as integers of at most 2^53 in size; such as 3.0 are integers too."""
+    values = numbers_of(words, where)
+    for word, value in zip(words, values, strict=True):
+        if value != int(value) or abs(value) > LARGEST_NUMBER:
+            raise DetectionError(f"{where}: found {quoted(word)}, expected an integer of at most 2^53")
+    return [int(value) for value in values]
 
 
 def image_of(path: Path, frames: ImageFrames) -> Bytes:

@@ -14,8 +14,8 @@ from meshslam.perception.conversion.frames import (
     frame_of,
     gathered,
     image_of,
+    integers_of,
     lines_of,
-    numbers_of,
 )
 from meshslam.perception.detections import DetectionSet
 from meshslam.perception.masks import RunLengths, encode_mask, segmentation_problem
@@ -26,7 +26,7 @@ IGNORED = 10  # class of regions that are not judged
 
 
 def from_mots_txt(path: Path, frames: ImageFrames) -> DetectionSet:
-    """Read `frame id class height width rle`; the id is the track's, regions to ignore are left out."""
+    """Read `frame id class height width rle`: id is the track's (negative: none); regions to ignore are left out."""
     return gathered([f for where, words in lines_of(path) if (f := _line(words, where, frames))], frames)
 
 
@@ -35,14 +35,14 @@ def _line(words: list[str], where: str, frames: ImageFrames) -> Found | None:
         raise DetectionError(
             f"{where}: found {len(words)} words, expected frame, id, class, height, width, run lengths"
         )
-    frame, number, kind, height, width = (int(value) for value in numbers_of(words[:5], where))
+    frame, number, kind, height, width = integers_of(words[:5], where)
     if kind == IGNORED:
         return None
     code: RunLengths = {"size": [height, width], "counts": words[5]}
     problem = segmentation_problem(code, frames.height, frames.width)
     if problem:
         raise DetectionError(f"{where}: the mask {problem}")
-    return Found(frames.known(frame, where), _name(kind, where), 1.0, code, number)
+    return Found(frames.known(frame, where), _name(kind, where), 1.0, code, number if number >= 0 else None)
 
 
 def from_mots_png(folder: Path, frames: ImageFrames) -> DetectionSet:

@@ -11,24 +11,26 @@ from scipy.optimize import linear_sum_assignment
 from meshslam.errors import DetectionError
 from meshslam.geometry import Floats
 from meshslam.perception.coco import VEHICLES
-from meshslam.perception.conversion.frames import files_in, frame_of, loaded
+from meshslam.perception.conversion.frames import files_in, frame_of
 from meshslam.perception.detections import Detection, DetectionSet
+from meshslam.perception.json_values import load_json
 from meshslam.perception.keypoint_names import APOLLO_24, APOLLO_FROM_OURS
+from meshslam.perception.masks import is_finite_number
 
 _ORDER = [APOLLO_24.index(name) for name in APOLLO_FROM_OURS.values()]
 LEAST_OVERLAP = 0.3  # IoU of the boxes
 
 
-def with_openpifpaf(folder: Path, detections: DetectionSet) -> DetectionSet:
+def with_openpifpaf(folder: Path, detections: DetectionSet, shift: int = 0) -> DetectionSet:
     """Give vehicles the key points of `*.predictions.json` (one an image, 24 key points of ApolloCar3D).
 
     An annotation goes to the detection of its frame whose box overlaps it, one to one. A key point's score is its
-    confidence, 0 where it was not found.
+    confidence, 0 where it was not found. `shift` is added to the frame numbers of the files' names.
     """
     by_frame = detections.by_frame()
     filled: dict[int, Detection] = {}
     for path in files_in(folder, ".json"):
-        cars = [d for d in by_frame.get(frame_of(path), ()) if d.category in VEHICLES]
+        cars = [d for d in by_frame.get(frame_of(path) + shift, ()) if d.category in VEHICLES]
         points = _annotations(path)
         overlap = np.array([[_overlap(d.bbox, _box(p)) for p in points] for d in cars]).reshape(len(cars), len(points))
         for row, column in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
@@ -42,14 +44,14 @@ def with_openpifpaf(folder: Path, detections: DetectionSet) -> DetectionSet:
 
 def _annotations(path: Path) -> list[Floats]:
     """Key points (24, 3) with x, y, confidence of each annotation that has any."""
-    rows = loaded(path)
+    rows = load_json(path)
     rows = rows.get("predictions") if isinstance(rows, dict) else rows
     if not isinstance(rows, list):
         raise DetectionError(f"{path}: expected a list of annotations")
     found = []
     for i, row in enumerate(rows):
         flat = row.get("keypoints") if isinstance(row, dict) else None
-        numbers = isinstance(flat, list) and all(isinstance(v, int | float) for v in flat)
+        numbers = isinstance(flat, list) and all(is_finite_number(v) or v != v for v in flat)
         if not numbers or flat is None or len(flat) != 3 * len(APOLLO_24):
             raise DetectionError(f"{path}: [{i}]: keypoints: expected x, y, confidence of {len(APOLLO_24)} key points")
         points = np.array(flat, float).reshape(-1, 3)
