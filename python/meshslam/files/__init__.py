@@ -1,7 +1,15 @@
 """Files on disk: whole or not there, known by their content, and used by one process at a time."""
 
-from meshslam.files.atomic import LEFTOVER_SUFFIX, remove_leftovers, write_atomically, write_together, written_aside
+from meshslam.files.atomic import (
+    LEFTOVER_SUFFIX,
+    remove_leftovers,
+    remove_leftovers_of,
+    write_atomically,
+    write_together,
+    written_aside,
+)
 from meshslam.files.digest import digest_of, digest_of_file
+from meshslam.files.folder import replaced_folder
 from meshslam.files.lock import LOCK, locked
 
 __all__ = [
@@ -11,6 +19,8 @@ __all__ = [
     "digest_of_file",
     "locked",
     "remove_leftovers",
+    "remove_leftovers_of",
+    "replaced_folder",
     "write_atomically",
     "write_together",
     "written_aside",

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from meshslam.errors import MapError, MeshslamError
+from meshslam.files.lock import started
 
 LEFTOVER_SUFFIX = ".meshslam-part"
 
@@ -59,6 +60,15 @@ def remove_leftovers(folder: Path) -> None:
     """Remove what writers that were killed have left in a folder and below."""
     for part in folder.rglob(f".*{LEFTOVER_SUFFIX}"):
         _drop(part)
+
+
+def remove_leftovers_of(path: Path) -> None:
+    """Remove what writers of one file that were killed have left beside it; those that live go on."""
+    begin = f".{path.name}."
+    for part in path.parent.glob(f".*{LEFTOVER_SUFFIX}"):
+        number = part.name.removeprefix(begin).removesuffix(LEFTOVER_SUFFIX)
+        if part.name.startswith(begin) and number.isdecimal() and started(int(number)) is None:
+            _drop(part)
 
 
 def part_of(path: Path) -> Path:
