@@ -17,7 +17,7 @@ def make_inputs(folder):
     """A recording without images, settings for `simulate`, a mesh, a network."""
     drive = write_recording(make_street(load_category("car"), 1, STREET), folder / "drive", EXACT)
     shutil.rmtree(drive / "images")
-    small = {"frames": 2, "width_px": 160, "height_px": 60, "focal_px": 95.0, "cars_each_side": 1}
+    small = {"frames": 2, "width_px": 160, "height_px": 60, "focal_px": 95.0, "cars_each_side": 1, "moving_cars": 0}
     (folder / "small.yaml").write_text(yaml.safe_dump({"street": small}))
     (folder / "settings.yaml").write_text("objects: {edge_margin_px: 8}\nlocalization: {edge_margin_px: 8}\n")
     colour_network(folder / "net.onnx")
