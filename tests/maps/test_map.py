@@ -98,6 +98,14 @@ def test_meshes_of_objects_that_left_the_map_go(tmp_path, a_map):
     assert len(Map.load(tmp_path)) == 0
 
 
+def test_meshes_of_others_stay(tmp_path, a_map):
+    (tmp_path / "objects").mkdir()
+    (tmp_path / "objects" / "mine.ply").write_text("mine")
+    a_map.save(tmp_path)
+    Map(a_map.objects[:1]).save(tmp_path)
+    assert {p.name for p in (tmp_path / "objects").iterdir()} == {"3.ply", "mine.ply"}
+
+
 def test_recentring_keeps_the_object_where_it_is(make_object, rng):
     thing = make_object()
     moved = MapObject(**(vars(thing) | {"vertices": thing.vertices + rng.normal(size=3)}))

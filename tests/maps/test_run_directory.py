@@ -1,8 +1,8 @@
 import pytest
 
 from meshslam.errors import MapError
-from meshslam.maps import RunDirectory
-from meshslam.maps.atomic import LEFTOVER_SUFFIX
+from meshslam.files import LEFTOVER_SUFFIX
+from meshslam.maps import Map, RunDirectory
 
 CONFIG = "tracker: paper\nmodes: 10\n"
 
@@ -47,7 +47,7 @@ def test_another_configuration_is_refused_or_overwrites(run, config, version, di
     assert "choose another --out, or --overwrite" in str(caught.value)
     assert run.has("map.json")
     RunDirectory.start(run.folder, config, version, overwrite=True)
-    assert sorted(p.name for p in run.folder.iterdir()) == ["config.yaml", "notes.txt"]
+    assert sorted(p.name for p in run.folder.iterdir()) == ["config.yaml", "manifest.json", "notes.txt"]
     RunDirectory.start(run.folder, config, version)
 
 
@@ -75,3 +75,101 @@ def test_a_file_in_the_way_is_named(tmp_path):
     (tmp_path / "run").write_text("")
     with pytest.raises(MapError, match="run: cannot be used as a run directory"):
         RunDirectory.start(tmp_path / "run", CONFIG, "1.0")
+
+
+def names_in(folder):
+    return sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())
+
+
+def finished(folder, **options):
+    run = RunDirectory.start(folder, CONFIG, "1.0", **options)
+    run.save("map.json", "old")
+    run.save("path.png", b"old")
+    run.save("objects/3.ply", "old")
+    run.finish()
+    return run
+
+
+def test_only_a_finished_run_with_all_its_files_is_complete(run):
+    run.save("map.json", "{}")
+    assert not RunDirectory.start(run.folder, CONFIG, "1.0").is_complete
+    run.finish()
+    assert RunDirectory.start(run.folder, CONFIG, "1.0").is_complete
+    run.path("map.json").unlink()
+    assert not RunDirectory.start(run.folder, CONFIG, "1.0").is_complete
+
+
+def test_another_input_is_refused_by_name(tmp_path):
+    finished(tmp_path, inputs={"images": "a", "map": "b"})
+    assert RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"images": "a", "map": "b"}).is_complete
+    with pytest.raises(
+        MapError, match=r"a run of other input is here \(images\): choose another --out, or --overwrite"
+    ):
+        RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"images": "c", "map": "b"})
+    with pytest.raises(MapError, match=r"images \(not there now\)"):
+        RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"map": "b"})
+    assert not RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"map": "c"}, overwrite=True).is_complete
+
+
+def test_another_truth_is_refused(tmp_path):
+    RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"map": "b"}).finish("there")
+    again = RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"map": "b"})
+    again.refuse_other_truth("there")
+    with pytest.raises(MapError, match="truth"):
+        again.refuse_other_truth("another")
+
+
+def test_an_old_result_stays_until_the_first_file_of_the_new_one(tmp_path):
+    finished(tmp_path)
+    before = {name: (tmp_path / name).read_bytes() for name in names_in(tmp_path)}
+    new = RunDirectory.start(tmp_path, CONFIG + "more: 1\n", "1.0", overwrite=True)
+    assert {name: (tmp_path / name).read_bytes() for name in names_in(tmp_path)} == before
+    new.save("trajectory.tum", "new")
+    assert names_in(tmp_path) == ["config.yaml", "manifest.json", "trajectory.tum"]
+    assert not RunDirectory.start(tmp_path, CONFIG + "more: 1\n", "1.0").is_complete
+
+
+def test_pictures_that_the_new_run_does_not_make_go_and_files_of_others_stay(tmp_path, a_map):
+    finished(tmp_path)
+    (tmp_path / "objects" / "mine.ply").write_text("mine")
+    (tmp_path / "iterations.png").write_text("mine")
+    new = RunDirectory.start(tmp_path, CONFIG, "1.0", overwrite=True)
+    new.save_map(Map(a_map.objects[1:]))
+    new.finish()
+    assert names_in(tmp_path) == [
+        "config.yaml",
+        "iterations.png",
+        "manifest.json",
+        "map.json",
+        "objects/12.ply",
+        "objects/7.ply",
+        "objects/mine.ply",
+    ]
+
+
+def test_what_a_first_attempt_wrote_and_the_second_did_not_goes(run):
+    run.save("path.png", b"")
+    again = RunDirectory.start(run.folder, CONFIG, "1.0")
+    again.save("map.json", "{}")
+    again.finish()
+    assert names_in(run.folder) == ["config.yaml", "manifest.json", "map.json"]
+
+
+def test_a_damaged_manifest_removes_nothing_outside(run, tmp_path):
+    (tmp_path / "a" / "letter.txt").write_text("mine")
+    run.save("map.json", "{}")
+    text = run.path("manifest.json").read_text().replace('"map.json"', '"../letter.txt", "map.json"')
+    run.path("manifest.json").write_text(text)
+    RunDirectory.start(run.folder, CONFIG, "1.0", overwrite=True)
+    assert (tmp_path / "a" / "letter.txt").read_text() == "mine"
+
+
+def test_a_run_of_an_earlier_version_is_replaced_only_when_told_to(tmp_path, a_map):
+    run = RunDirectory.start(tmp_path, CONFIG, "1.0")
+    a_map.save(tmp_path)
+    for name in ("metrics.json", "report.html", "path.png"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(MapError, match="images: not recorded then"):
+        RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"images": "a"})
+    RunDirectory.start(tmp_path, CONFIG, "1.0", inputs={"images": "a"}, overwrite=True).finish()
+    assert names_in(run.folder) == ["config.yaml", "manifest.json"]

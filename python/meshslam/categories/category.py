@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import CategoryError
+from meshslam.files import remove_leftovers_of, write_atomically
 from meshslam.geometry import AnyArray, Floats, Ints
 
 FORMAT = "meshslam-category-1"
@@ -78,8 +79,12 @@ def load_category(name: str | Path) -> Category:
 
 
 def save_category(category: Category, path: Path) -> None:
-    """Write `path` (.npz, floats as float32, fixed time stamps: the same category gives the same bytes)."""
-    path.write_bytes(category_bytes(category))
+    """Write `path` (.npz, floats as float32, fixed time stamps: the same category gives the same bytes).
+
+    CategoryError if the disk does not take it; a file that was there before then stays.
+    """
+    remove_leftovers_of(Path(path))
+    write_atomically(Path(path), category_bytes(category), CategoryError)
 
 
 def category_bytes(category: Category) -> bytes:

@@ -91,14 +91,16 @@ def show(
     Example: meshslam category show car --out car.png
     """
     from meshslam.categories import load_category
+    from meshslam.errors import CategoryError
+    from meshslam.files import remove_leftovers_of, write_atomically
     from meshslam.viewing import category_page, category_png
 
     category = load_category(name)
     out = out or Path(f"{category.name}.html")
     if out.suffix not in (".png", ".html"):
         raise typer.BadParameter(f"{out}: .png or .html", param_hint="--out")
-    if out.suffix == ".png":
-        out.write_bytes(category_png(category))
-    else:
-        out.write_text(category_page(category), encoding="utf-8")
+    picture = out.suffix == ".png"
+    content = category_png(category) if picture else category_page(category).encode()
+    remove_leftovers_of(out)
+    write_atomically(out, content, CategoryError)
     print(f"{out}: open it to see the mean and {len(category.modes)} modes")

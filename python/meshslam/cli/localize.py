@@ -47,9 +47,11 @@ def localize(
 ) -> None:
     """Find the camera of every frame in a map of meshes, by IMU, masks and key points.
 
+    Exit code 3: no detection could be used; left_out.json and a note say why.
+
     Example: meshslam localize drive2 --map run1 --out run2
     """
-    from meshslam.cli.figures import show_figures
+    from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_localize
 
@@ -72,3 +74,4 @@ def localize(
     with run_outlet() as outlet:
         figures = run_localize(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
+    end_without(figures["views_used"])

@@ -47,9 +47,11 @@ def map_(
 ) -> None:
     """Map a recording with known camera poses: every parked car with its pose and its own mesh.
 
+    Exit code 3: no object was mapped; left_out.json and a note say why.
+
     Example: meshslam map 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out run48
     """
-    from meshslam.cli.figures import show_figures
+    from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_map
 
@@ -72,3 +74,4 @@ def map_(
     with run_outlet() as outlet:
         figures = run_map(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
+    end_without(figures["objects_mapped"])

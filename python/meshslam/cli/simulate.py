@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,6 +12,10 @@ from meshslam.cli.options import ImuFile
 if TYPE_CHECKING:
     from meshslam.simulation import SimulationConfig, Street
 
+SIMULATED = (  # what earlier versions wrote, whose folders hold no list
+    *("camera.yaml", "times.txt", "poses.tum", "imu.csv", "initial_state.yaml", "detections.json", "simulation.yaml"),
+    *("objects.json", "association.json", "groundtruth.tum", "images/[0-9]*.png", "meshes/[0-9]*.ply"),
+)
 Modes = Literal["coloured", "textureless", "contrast"]
 
 
@@ -58,20 +61,24 @@ def simulate(
 def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> None:
     """Draw, and put the folder in place once it is whole."""
     from meshslam.cli.progress import progress_bars
+    from meshslam.errors import SequenceError
+    from meshslam.files import LOCK, locked, replaced_folder
     from meshslam.runs import to_yaml
     from meshslam.simulation import simulate_street
 
-    refuse_foreign(out, overwrite=overwrite)
-    part = out.with_name(f".{out.name}.meshslam-part")
-    shutil.rmtree(part, ignore_errors=True)
-    try:
+    place = out.resolve()
+    place.parent.mkdir(parents=True, exist_ok=True)
+
+    def check() -> None:
+        refuse_foreign(out, overwrite=overwrite)
+
+    with (
+        locked(place.with_name(f".{place.name}{LOCK}"), str(out), SequenceError),
+        replaced_folder(place, SIMULATED, check, SequenceError) as part,
+    ):
         with progress_bars() as bars:
             street = simulate_street(settings, part, bars)
         (part / "simulation.yaml").write_text(to_yaml(settings), encoding="utf-8")
-        shutil.rmtree(out, ignore_errors=True)
-        part.rename(out)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     print(_summary(street, out))
 
 

@@ -51,9 +51,11 @@ def slam(
 ) -> None:
     """Find camera path and cars together, from detections and IMU, or from images alone; poses are not needed.
 
+    Exit code 3: no object was mapped; left_out.json and a note say why.
+
     Example: meshslam slam drive --out run
     """
-    from meshslam.cli.figures import show_figures
+    from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_slam
 
@@ -77,3 +79,4 @@ def slam(
     with run_outlet() as outlet:
         figures = run_slam(settings, out, outlet, overwrite=overwrite)
     show_figures(figures, out, as_json=json)
+    end_without(figures["objects_mapped"])

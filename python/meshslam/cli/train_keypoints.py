@@ -27,6 +27,7 @@ def train_keypoints(
 
     from meshslam.cli.progress import progress_bars
     from meshslam.errors import ModelError
+    from meshslam.files import LOCK, locked
 
     try:
         import torch  # noqa: F401 # the extra is there
@@ -38,7 +39,8 @@ def train_keypoints(
     if held_out >= chunks:
         raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")
     config = TrainingConfig(seed=seed, chunks=chunks, chunk_size=chunk_size, held_out_chunks=held_out, epochs=epochs)
-    with progress_bars() as bars:
+    out.mkdir(parents=True, exist_ok=True)
+    with locked(out / LOCK, str(out), ModelError), progress_bars() as bars:
         paths = draw_chunks(out / "pictures", seed, chunks, config.chunk_size, workers, bars)
         learnt, kept = split(paths, config)
         network = learn(learnt, config, out / "checkpoint.pt", bars)

@@ -5,7 +5,7 @@ from meshslam.evaluation.masks import MaskScores, score_masks
 from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
 from meshslam.evaluation.run import evaluate_run
 from meshslam.evaluation.trajectories import trajectory_figures
-from meshslam.evaluation.truth import Truth, read_truth
+from meshslam.evaluation.truth import Truth, read_truth, truth_digest
 
 __all__ = [
     "MarkedScore",
@@ -22,4 +22,5 @@ __all__ = [
     "score_masks",
     "score_object",
     "trajectory_figures",
+    "truth_digest",
 ]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshslam.errors import SequenceError
+from meshslam.files import digest_of, digest_of_file
 from meshslam.maps import Map, Trajectory
 
 
@@ -37,6 +38,21 @@ def read_truth(sequence_folder: Path) -> Truth:
         _read_association(association) if association.is_file() else None,
         Trajectory.load(path) if path.is_file() else None,
     )
+
+
+def truth_digest(sequence_folder: Path) -> str:
+    """Digest of the truth beside a sequence, meshes included; to be asked for once the estimate is on disk."""
+    names = [*("objects.json", "association.json", "groundtruth.tum"), *_meshes(sequence_folder / "objects.json")]
+    files = [sequence_folder / name for name in names]
+    return digest_of({name: digest_of_file(file) for name, file in zip(names, files, strict=True) if file.is_file()})
+
+
+def _meshes(path: Path) -> list[str]:
+    """What the true objects name as their meshes."""
+    try:
+        return [str(entry["mesh"]) for entry in json.loads(path.read_text(encoding="utf-8"))["objects"]]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
 
 
 def _read_association(path: Path) -> dict[int, int]:

@@ -27,6 +27,8 @@ from meshslam.objects import ObjectConfig
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples
 
+TOO_SMALL, NO_OBJECT_THERE = "too small", "no object of the map there"  # why a detection is not used
+NOTHING_TO_MEASURE, DISAGREES = "nothing to measure", "disagrees with the path"
 _PROCESS_SIGMAS = np.array([0.01] * 3 + [1e-3] * 3)  # what one prediction adds to a frame's pose
 
 
@@ -40,6 +42,7 @@ class FrameReport:
     object_of_detection: dict[int, int]
     refused: tuple[int, ...]  # objects whose observations did not agree
     has_gap: bool
+    reasons: dict[int, str] = field(default_factory=dict)  # why detections were not used, by detection
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +151,21 @@ class LocalizationEstimator:
         ids = {k: matched[k].id for k in kept}
         gone = tuple(sorted(matched[k].id for k in refused))
         frame = predicted.frame
-        return FrameReport(frame, world_from_camera, self.path[frame], ids, gone, predicted.has_gap)
+        reasons = self._reasons(detections, matched, observations, refused)
+        return FrameReport(frame, world_from_camera, self.path[frame], ids, gone, predicted.has_gap, reasons)
+
+    def _reasons(
+        self,
+        detections: tuple[Detection, ...],
+        matched: Mapping[int, KnownObject],
+        observations: Mapping[int, MapObservation],
+        refused: list[int],
+    ) -> dict[int, str]:
+        """Why detections were not used, by detection."""
+        small = {d.id: TOO_SMALL for d in detections if max(d.bbox[2:]) < self.config.min_box_px}
+        unmatched = {d.id: NO_OBJECT_THERE for d in detections if d.id not in matched}
+        unclear = {k: NOTHING_TO_MEASURE for k in matched if k not in observations}
+        return unmatched | small | unclear | dict.fromkeys(refused, DISAGREES)
 
     def _predicted_camera(self, predicted: _Prediction) -> tuple[Pose, Floats]:
         """world_from_camera and its covariance (6, 6) by the prediction."""

@@ -12,7 +12,7 @@ from meshslam.geometry import Camera, Floats, MaskLoss, Pose, geman_mcclure_soft
 from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.data_association import FrameMasks, associate, in_view
-from meshslam.localization.estimator import FrameReport
+from meshslam.localization.estimator import NO_OBJECT_THERE, FrameReport
 from meshslam.localization.map_models import KnownObject
 from meshslam.motion import Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.objects import ObjectConfig, keypoints_of
@@ -176,4 +176,5 @@ class GradientEstimator:
         world_from_imu = corrected @ self.mounting.imu_from_camera.inverse()
         self._state = replace(state, world_from_imu=world_from_imu)
         ids = {k: thing.id for k, thing in matched.items()}
-        return FrameReport(frame, predicted, corrected, ids, (), has_gap)
+        reasons = {d.id: NO_OBJECT_THERE for d in detections if d.id not in matched}
+        return FrameReport(frame, predicted, corrected, ids, (), has_gap, reasons)

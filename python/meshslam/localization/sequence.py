@@ -63,6 +63,7 @@ class Localization:
     detections: DetectionSet  # with the map's ids
     moved: dict[int, int]  # objects that were moved since, and the frame that showed it
     figures: dict[str, float]
+    refused: dict[int, str]  # why detections were not used, by detection
     iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # gradient solver: the path after each iteration
 
 
@@ -110,6 +111,7 @@ def localize_sequence(
         detections.with_tracks(ids),
         dict(estimator.moved),
         _figures(estimator, reports, imu_from_camera),
+        {k: reason for report in reports for k, reason in report.reasons.items()},
         tuple(moved_path(path, back) for path in estimator.paths_by_iteration()),
     )
 

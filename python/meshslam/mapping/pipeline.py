@@ -55,6 +55,7 @@ class ObjectMapping:
     left_out: tuple[LeftOut, ...]
     stages: dict[int, Stages]  # by object
     mask_ious: dict[str, float]  # the figures of metrics.json
+    tracked: DetectionSet  # with the tracks as they were given
 
 
 def map_objects(
@@ -74,13 +75,13 @@ def map_objects(
     ids were given, so that no two are joined. Objects that move, are seen too little or do not
     fit their masks are left out, with the reason.
     """
-    scene = make_scene(frames, detections, category, objects, use_ground=config.use_ground)
+    tracked, scene = detections, make_scene(frames, detections, category, objects, use_ground=config.use_ground)
     tracks, left_out = usable_tracks(frames, detections, category.name, config, objects.min_view_box_px)
 
     occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
     if objects.solver == "gradient":
         work = each("descend", lambda t: by_gradient(t, scene, occluders), tracks, progress)
-        return _mapping(work, left_out, detections, scene, config, progress)
+        return _mapping(work, left_out, detections, tracked, scene, config, progress)
     work = each("initialize", lambda t: first_pass(t, scene, occluders, known.get(t.id)), tracks, progress)
     scene = with_noise_of(scene, work) if config.estimate_noise else scene
     work = each("fit", lambda w: fit_again(w, scene), work, progress)
@@ -96,13 +97,14 @@ def map_objects(
         again = partial(next_pass, scene=scene, earlier=occluders, occluders=placed)
         work, occluders = each(f"refine {number}", again, work, progress), placed
     work = each("shape", lambda w: Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
-    return _mapping(work, left_out, detections, scene, config, progress)
+    return _mapping(work, left_out, detections, tracked, scene, config, progress)
 
 
 def _mapping(
     work: list[Work],
     left_out: list[LeftOut],
     detections: DetectionSet,
+    tracked: DetectionSet,
     scene: Scene,
     config: MappingConfig,
     progress: Progress | None,
@@ -114,7 +116,8 @@ def _mapping(
     objects = each("uncertainty", lambda w: _map_object(w, scene), work, progress)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     ious = _stage_ious(work, scene)
-    return ObjectMapping(Map(tuple(objects)), detections, tuple(sorted(left_out, key=lambda r: r.track)), stages, ious)
+    reasons = tuple(sorted(left_out, key=lambda r: r.track))
+    return ObjectMapping(Map(tuple(objects)), detections, reasons, stages, ious, tracked)
 
 
 def make_scene(

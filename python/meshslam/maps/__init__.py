@@ -1,15 +1,16 @@
 """The map of objects and the camera's path: files that are whole or not there, and exports for viewers."""
 
-from meshslam.maps.atomic import remove_leftovers, write_atomically, write_together
+from meshslam.files import remove_leftovers, write_atomically, write_together
 from meshslam.maps.camera_path import CameraPath
 from meshslam.maps.gltf import object_colour, save_glb, to_glb
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import PlyMesh, format_ply
-from meshslam.maps.run_directory import RunDirectory
+from meshslam.maps.run_directory import FRAMES, RunDirectory
 from meshslam.maps.trajectory import Trajectory
 
 __all__ = [
+    "FRAMES",
     "CameraPath",
     "Map",
     "MapObject",

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
+from meshslam.files import write_atomically
 from meshslam.geometry import Bytes, Floats, Ints
-from meshslam.maps.atomic import write_atomically
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
 from meshslam.maps.trajectory import Trajectory

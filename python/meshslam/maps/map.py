@@ -11,8 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from meshslam.errors import GeometryError, MapError
+from meshslam.files import remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
-from meshslam.maps.atomic import remove_leftovers, write_together
+from meshslam.maps.manifest import written_meshes
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
 
@@ -53,10 +54,16 @@ class Map(Mapping[int, MapObject]):
                 return thing
         raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
 
+    @property
+    def mesh_files(self) -> tuple[str, ...]:
+        """Names of the meshes that `save` writes, in its folder."""
+        return tuple(_mesh_name(thing) for thing in self.objects)
+
     def save(self, folder: Path | str) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
 
-        MapError if the disk does not take it; what was there before then stays.
+        Meshes that the map.json before it named go with it, other files stay. MapError if the disk does not take it;
+        what was there before then stays.
         """
         folder = Path(folder)
         try:
@@ -64,14 +71,15 @@ class Map(Mapping[int, MapObject]):
         except OSError as error:
             raise MapError(f"{folder / 'objects'}: cannot be made: {error.strerror}") from None
         remove_leftovers(folder / "objects")
+        before = written_meshes(folder)
         centred = [thing.recentred() for thing in self.objects]
         files = {folder / _mesh_name(thing): format_ply(_mesh(thing)) for thing in centred}
         document = {"format": FORMAT, "version": VERSION, "objects": [_entry(thing) for thing in centred]}
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
-        for old in (folder / "objects").glob("*.ply"):
-            if old not in files:
-                old.unlink(missing_ok=True)
+        for name in before:
+            if folder / name not in files:
+                (folder / name).unlink(missing_ok=True)
 
     @staticmethod
     def load(path: Path | str) -> Map:

@@ -3,84 +3,135 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from meshslam.errors import MapError
-from meshslam.maps.atomic import LEFTOVER_SUFFIX, remove_leftovers, write_atomically
+from meshslam.files import LEFTOVER_SUFFIX, LOCK, remove_leftovers, write_atomically, written_aside
+from meshslam.maps.manifest import Manifest
+from meshslam.maps.map import Map
 
 CONFIG = "config.yaml"
+FRAMES = ".meshslam-frames"  # detections of frames, while a run is under way
 MARK = "# meshslam run, version "
-OUTPUTS = (
-    "map.json",
-    "trajectory.tum",
-    "detections.json",
-    "camera.yaml",
-    "metrics.json",
-    "map.glb",
-    "report.html",
-    "recording.rrd",
-)
-FOLDERS = ("objects",)
+TRUTH = "truth"
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunDirectory:
-    """A stage is the name of its output file, like `map.json`: it is done when that file is there."""
+    """A stage is the name of its output file, like `map.json`.
+
+    A run's result stays until the first file of another is written: then the manifest stops saying `complete`, the
+    old files go, and the new ones come; `finish` says `complete` again. Files that no run wrote are left alone.
+    """
 
     folder: Path
+    is_complete: bool = False  # nothing is left to do
+    _manifest: Manifest = field(default_factory=Manifest)
+    _config_yaml: str = ""
+    _inputs: Mapping[str, str] = field(default_factory=dict)
+    _written: set[str] = field(default_factory=set)
+    _replaces: bool = False  # another run's files are there until the first file of this one
 
     @staticmethod
-    def start(folder: Path, config_yaml: str, version: str, *, overwrite: bool = False) -> RunDirectory:
-        """Make the folder, or resume a run of the same configuration and version in it.
+    def start(
+        folder: Path,
+        config_yaml: str,
+        version: str,
+        *,
+        inputs: Mapping[str, str] | None = None,
+        overwrite: bool = False,
+    ) -> RunDirectory:
+        """Make the folder, or resume a run of the same configuration, version and input in it.
 
-        `overwrite` drops the outputs of another run that is there. MapError if the folder holds anything but a run, or
-        a run of another configuration or version that has put out something and `overwrite` is not set.
+        `inputs` are digests of what the run reads, by what it is called. `overwrite` replaces the run that is there.
+        MapError if the folder holds anything but a run, or a run of another configuration, version or input that has
+        put out something and `overwrite` is not set.
         """
-        run, content = RunDirectory(Path(folder)), f"{MARK}{version}\n{config_yaml}"
-        run._claim()
-        found = run._config()
-        if found is not None and found != content and run._has_output() and not overwrite:
-            raise MapError(
-                f"{run.path(CONFIG)}: a run of another configuration is here ({_difference(found, content)}): "
-                "choose another --out, or --overwrite it"
-            )
-        if found is not None and overwrite:
-            run._clear()
-        if found != content:
-            write_atomically(run.path(CONFIG), content.encode())
+        run = RunDirectory(Path(folder), _config_yaml=f"{MARK}{version}\n{config_yaml}", _inputs=inputs or {})
+        RunDirectory.claim(run.folder)
+        remove_leftovers(run.folder)
+        run._manifest, found = Manifest.load(run.folder), run._config()
+        whole = found is not None and run._manifest.is_whole(run.folder)
+        if not overwrite:
+            run._refuse_other_configuration(found)
+            run.is_complete = whole
+            if whole and inputs is not None:
+                run._refuse(run._manifest.without(TRUTH).difference(inputs))
+        run._replaces = overwrite and whole
+        if not whole and (overwrite or found != run._config_yaml):
+            run._renew()
         return run
+
+    def refuse_other_truth(self, digest: str) -> None:
+        """MapError if the complete run that is there was compared with another truth than that of this digest."""
+        others = [name for name in self._manifest.inputs if name != TRUTH]
+        self._refuse(self._manifest.without(*others).difference({TRUTH: digest}))
+
+    @staticmethod
+    def claim(folder: Path) -> None:
+        """Make the folder of a run; MapError if it is somebody else's, which stays as it is."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            others = [p.name for p in folder.iterdir() if not p.name.endswith((LEFTOVER_SUFFIX, LOCK, FRAMES))]
+        except OSError as error:
+            raise MapError(f"{folder}: cannot be used as a run directory: {error.strerror}") from None
+        if others and RunDirectory(folder)._config() is None:
+            names = ", ".join(sorted(others)[:3])
+            raise MapError(f"{folder}: is no run directory but holds {names}: choose another --out")
 
     def path(self, stage: str) -> Path:
         """Where a stage's output is, or will be."""
         return self.folder / stage
 
     def has(self, stage: str) -> bool:
-        """Whether a stage is done."""
+        """Whether a stage's output is there."""
         return self.path(stage).is_file()
 
     def save(self, stage: str, content: bytes | str) -> Path:
         """Write a stage's output, whole or not at all; MapError if the disk does not take it."""
-        path = self.path(stage)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise MapError(f"{path.parent}: cannot be made: {error.strerror}") from None
-        write_atomically(path, content.encode() if isinstance(content, str) else content)
-        return path
+        self.announce(stage)
+        write_atomically(self.path(stage), content.encode() if isinstance(content, str) else content)
+        return self.path(stage)
 
-    def _claim(self) -> None:
-        """Make the folder; refuse one that is somebody else's."""
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            others = [p for p in self.folder.iterdir() if not p.name.endswith(LEFTOVER_SUFFIX)]
-        except OSError as error:
-            raise MapError(f"{self.folder}: cannot be used as a run directory: {error.strerror}") from None
-        if others and self._config() is None:
-            names = ", ".join(sorted(p.name for p in others)[:3])
-            raise MapError(f"{self.folder}: is no run directory but holds {names}: choose another --out")
-        remove_leftovers(self.folder)
+    def save_map(self, found: Map) -> None:
+        """Write map.json and its meshes; MapError if the disk does not take it."""
+        self.announce("map.json", *found.mesh_files)
+        found.save(self.folder)
+
+    @contextlib.contextmanager
+    def written(self, stage: str) -> Iterator[Path]:
+        """A name beside a stage's output for the block to write; MapError if the disk does not take it."""
+        self.announce(stage)
+        with written_aside(self.path(stage)) as part:
+            yield part
+
+    def announce(self, *stages: str) -> None:
+        """Note files before they are written, so that they are known as the run's whatever ends it."""
+        if self._replaces:
+            self._renew()
+        self._written.update(stages)
+        files = {*self._manifest.files, *stages}
+        if self._manifest.complete or files != set(self._manifest.files):
+            self._manifest = Manifest(False, {}, tuple(sorted(files)))
+            self._manifest.save(self.folder)
+        for stage in stages:
+            _make_folder(self.path(stage).parent)
+
+    def finish(self, truth: str | None = None) -> None:
+        """Remove what an earlier attempt wrote and this one did not, then say that the run is complete.
+
+        `truth` is the digest of what the estimate was compared with, once it was there.
+        """
+        files = {CONFIG, *self._written}
+        self._remove(set(self._manifest.files) - files)
+        self._remove({str(p.relative_to(self.folder)) for p in self.path(FRAMES).glob("*.json")})
+        self._manifest = Manifest(
+            True, {**self._inputs, **({} if truth is None else {TRUTH: truth})}, tuple(sorted(files))
+        )
+        self._manifest.save(self.folder)
+        self.is_complete = True
 
     def _config(self) -> str | None:
         """Return config.yaml if it is that of a run."""
@@ -89,16 +140,51 @@ class RunDirectory:
             return text if text.startswith(MARK) else None
         return None
 
-    def _has_output(self) -> bool:
-        """Whether any stage is done: a run that failed at its start has nothing to lose."""
-        return any(self.path(name).exists() for name in (*OUTPUTS, *FOLDERS))
+    def _refuse(self, difference: str) -> None:
+        """MapError if there is a difference of input."""
+        if difference:
+            raise MapError(
+                f"{self.folder}: a run of other input is here ({difference}): choose another --out, or --overwrite it"
+            )
 
-    def _clear(self) -> None:
-        """Remove a run's outputs and nothing else."""
-        for name in OUTPUTS:
-            self.path(name).unlink(missing_ok=True)
-        for name in FOLDERS:
-            shutil.rmtree(self.path(name), ignore_errors=True)
+    def _refuse_other_configuration(self, found: str | None) -> None:
+        """A run that failed at its start has nothing to lose."""
+        has_output = any(self.path(name).exists() for name in self._manifest.files if name != CONFIG)
+        if found is not None and found != self._config_yaml and has_output:
+            raise MapError(
+                f"{self.path(CONFIG)}: a run of another configuration is here ({_difference(found, self._config_yaml)})"
+                ": choose another --out, or --overwrite it"
+            )
+
+    def _renew(self) -> None:
+        """Take back `complete`, remove the old run's files, and write the new configuration."""
+        self._replaces = False
+        if self._manifest.files:
+            self._manifest = Manifest(False, {}, self._manifest.files)
+            self._manifest.save(self.folder)
+        self._remove(set(self._manifest.files) - {CONFIG})
+        write_atomically(self.path(CONFIG), self._config_yaml.encode())
+        if self._manifest.files:
+            self._manifest = Manifest(False, {}, (CONFIG,))
+            self._manifest.save(self.folder)
+
+    def _remove(self, files: set[str]) -> None:
+        """Remove files of the run, and folders that are empty then; MapError names one that stays."""
+        try:
+            for name in sorted(files):
+                self.path(name).unlink(missing_ok=True)
+        except OSError as error:
+            raise MapError(f"{error.filename}: cannot be removed: {error.strerror}") from None
+        for folder in {self.path(name).parent for name in files} - {self.folder}:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MapError(f"{folder}: cannot be made: {error.strerror}") from None
 
 
 def _difference(found: str, wanted: str) -> str:

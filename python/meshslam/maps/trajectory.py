@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import MapError, SequenceError
+from meshslam.files import write_atomically
 from meshslam.geometry import Floats, Pose
-from meshslam.maps.atomic import write_atomically
 from meshslam.sequences import Report, format_tum, read_tum
 
 

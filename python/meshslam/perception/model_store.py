@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from meshslam.errors import ModelError
+from meshslam.files import remove_leftovers_of, write_atomically
 
 FOLDER_VARIABLE = "MESHSLAM_MODELS"
 ADVICE = (
@@ -40,7 +41,7 @@ def store_folder() -> Path:
 def add_model(path: Path, name: str | None = None, licence: str | None = None) -> StoredModel:
     """Copy an ONNX file into the store; the name is the file's unless given, the licence the file's metadata's.
 
-    ModelError if it is no ONNX model, or another model has the name.
+    ModelError if it is no ONNX model, another model has the name, or the disk does not take it.
     """
     path = Path(path)
     if not path.is_file():
@@ -54,12 +55,12 @@ def add_model(path: Path, name: str | None = None, licence: str | None = None) -
     model = StoredModel(name, target, len(content), hashlib.sha256(content).hexdigest(), found)
     if target.exists() and hashlib.sha256(target.read_bytes()).hexdigest() != model.sha256:
         raise ModelError(f"{target}: another model has the name {name!r}: give --name")
-    target.parent.mkdir(parents=True, exist_ok=True)
     notes = {key: value for key, value in asdict(model).items() if key not in ("path", "name")}
-    for file, data in ((target, content), (_notes(target), (json.dumps(notes, indent=1) + "\n").encode())):
-        part = file.with_name(file.name + ".part")
-        part.write_bytes(data)
-        part.replace(file)
+    _make_store(target)
+    # A network without its notes would stop every run that looks into the store: they come first
+    write_atomically(_notes(target), (json.dumps(notes, indent=1) + "\n").encode(), ModelError)
+    if not target.exists():
+        write_atomically(target, content, ModelError)
     return model
 
 
@@ -89,6 +90,16 @@ def find_model(chosen: str | None) -> Path:
     if hashlib.sha256(found[0].path.read_bytes()).hexdigest() != found[0].sha256:
         raise ModelError(f"{found[0].path}: its checksum is not that of the file that was added: add it again")
     return found[0].path
+
+
+def _make_store(target: Path) -> None:
+    """Make the store's folder; what adding this network has left there when it was killed goes."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ModelError(f"{target.parent}: cannot be made: {error.strerror}") from None
+    for path in (target, _notes(target)):
+        remove_leftovers_of(path)
 
 
 def _notes(path: Path) -> Path:

@@ -12,6 +12,7 @@ from meshslam.perception import write_detections
 from meshslam.runs import stages
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, say
+from meshslam.runs.left_out import save_refused_views
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import perceive
@@ -45,20 +46,25 @@ def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
     scene = Map.load(Path(settings.input.map))
-    recording, run, done = stages.begin("localize", settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
-    clock = stages.Clock()
+    with stages.begin("localize", settings, out, outlet, overwrite=overwrite) as begun:
+        return begun.figures or _localize_into(begun, scene, settings, outlet)
+
+
+def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Outlet) -> dict[str, float]:
+    """The same where the run is not there yet."""
+    recording, run, clock = begun.recording, begun.run, stages.Clock()
     result = localize_recording(recording, scene, settings, outlet, clock, run)
     mounted, height = recording.imu_from_camera, recording.height_above_ground_m
+    names = ("camera.yaml", "trajectory.tum", "detections.json", "left_out.json", "report.html", "metrics.json")
+    run.announce(*names)
     run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
     run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
     run.save("detections.json", write_detections(result.detections))
+    save_refused_views(result, run, outlet)
     paths = {"initial": result.inertial, "filtered": result.filtered}
     paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
     figures = stages.run_figures(result.figures, len(recording), clock)
     figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
     drawn = {"IMU alone": result.inertial} | true_path(recording)
     save_localization_report(recording, scene, result, figures, run, drawn)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+    return stages.end(begun, figures, outlet)

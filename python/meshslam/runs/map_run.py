@@ -13,6 +13,7 @@ from meshslam.perception import DetectionSet
 from meshslam.runs import stages
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_tracks, say
+from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report
@@ -79,12 +80,16 @@ def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: Ru
 
 def run_map(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin("map", settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
+    with stages.begin("map", settings, out, outlet, overwrite=overwrite) as begun:
+        return begun.figures or _map_into(begun, settings, outlet)
+
+
+def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet) -> dict[str, float]:
+    """The same where the run is not there yet."""
+    recording, run = begun.recording, begun.run
     made = map_recording(recording, settings, outlet, run)
     stages.save(recording, made.frames, made.mapping, run)
+    save_left_out_tracks(made.mapping, run, outlet)
     figures = stages.figures(recording, made.mapping, made.clock) | evaluate_run(recording.root, run.folder)
     save_map_report(recording, made.frames, made.mapping, settings.input.category, figures, run)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+    return stages.end(begun, figures, outlet)

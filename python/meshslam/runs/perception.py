@@ -17,14 +17,13 @@ from meshslam.perception import (
     detect,
     find_model,
     load_segmenter,
-    read_detections,
     read_recorded_detections,
     renamings,
     track,
     untracked,
-    write_detections,
 )
 from meshslam.runs.config import Config
+from meshslam.runs.frame_store import FrameStore, one_set
 from meshslam.runs.outlet import Outlet
 from meshslam.sequences import Sequence, turns
 
@@ -51,13 +50,27 @@ def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirect
         if unused is not None:
             outlet.note(f"{recording.detections_path}: {unused}")
         return _perceived(with_keypoints(recording, found, config, outlet), config)
-    if run is not None and run.has("detections.json") and not by_colour(config):
-        found = read_detections(run.path("detections.json"))
-        return Perceived(found.with_tracks({d.id: None for d in found.detections}), has_given_tracks=False)
-    found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
-    if run is not None:
-        run.save("detections.json", write_detections(found))
+    if run is None or by_colour(config):
+        found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
+    else:
+        found = look_at_frames(recording, config, outlet, FrameStore.of(run, recording, config))
     return _perceived(found, config)
+
+
+def look_at_frames(recording: Sequence, config: Config, outlet: Outlet, store: FrameStore) -> DetectionSet:
+    """Segment every frame and find its key points, those that the store has not; what is done is kept there."""
+    segmenter, finder = choose_segmenter(recording, config), _finder(recording, config)
+    found: list[DetectionSet] = []
+    for i, frame in enumerate(recording.frame_ids):
+        seen = store.load(frame)
+        if seen is None:
+            image = recording.read_image(i)
+            seen = detect([(frame, image)], segmenter)
+            seen = seen if finder is None else add_keypoints(seen, lambda _, image=image: image, finder)  # type: ignore[misc]
+            store.save(frame, seen)
+        found.append(seen)
+        outlet.progress("segment", i + 1, len(recording))
+    return one_set(found)
 
 
 def segment_frames(recording: Sequence, config: Config, outlet: Outlet) -> DetectionSet:
@@ -96,15 +109,22 @@ def _perceived(found: DetectionSet, config: Config) -> Perceived:
 
 def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:
     """The detections with key points by the shipped network, where there are images and no key points yet."""
-    if not config.keypoints.enabled or recording.image_paths is None:
+    finder = _finder(recording, config)
+    if finder is None:
         return found
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
     return add_keypoints(
         found,
         lambda frame: recording.read_image(index[frame]),
-        KeypointFinder(config.keypoints),
+        finder,
         progress=lambda frame: outlet.progress("key points", index.get(frame, -1) + 1, len(index)),
     )
+
+
+def _finder(recording: Sequence, config: Config) -> KeypointFinder | None:
+    """The key point network, where there are images and it is not switched off."""
+    wanted = config.keypoints.enabled and recording.image_paths is not None
+    return KeypointFinder(config.keypoints) if wanted else None
 
 
 def follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:

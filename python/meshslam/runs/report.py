@@ -82,9 +82,8 @@ def _save(
         charts=_charts(world_from_camera, scene, other_paths, figures, run),
     )
     if can_record():
-        part = run.path(".recording.rrd.meshslam-part")
-        write_recording(context, part)
-        part.replace(run.path("recording.rrd"))
+        with run.written("recording.rrd") as part:
+            write_recording(context, part)
     run.save("report.html", write_report(context))
 
 

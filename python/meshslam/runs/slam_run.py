@@ -12,6 +12,7 @@ from meshslam.object_slam import SlamResult, slam_sequence
 from meshslam.runs import stages
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, say
+from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
@@ -47,14 +48,18 @@ def slam_recording(
 
 def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
     """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
-    recording, run, done = stages.begin("slam", settings, out, overwrite=overwrite)
-    if done is not None:
-        return done
-    clock = stages.Clock()
+    with stages.begin("slam", settings, out, outlet, overwrite=overwrite) as begun:
+        return begun.figures or _slam_into(begun, settings, outlet)
+
+
+def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet) -> dict[str, float]:
+    """The same where the run is not there yet."""
+    recording, run, clock = begun.recording, begun.run, stages.Clock()
     result = slam_recording(recording, settings, outlet, clock, run)
     path, height = result.trajectory, recording.height_above_ground_m
     frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
     stages.save(recording, frames, result.mapping, run)
+    save_left_out_tracks(result.mapping, run, outlet)
     figures = stages.figures(recording, result.mapping, clock) | result.figures
     figures |= evaluate_run(recording.root, run.folder)
     alone = {"initial": result.alone} if result.alone else {}
@@ -62,5 +67,4 @@ def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) ->
     figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
     drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
     save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, drawn)
-    run.save("metrics.json", stages.metrics_json(figures))
-    return figures
+    return stages.end(begun, figures, outlet)

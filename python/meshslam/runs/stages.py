@@ -6,20 +6,25 @@ import json
 import resource
 import time
 from collections.abc import Iterator
+from collections.abc import Sequence as Rows
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from meshslam.errors import SequenceError
+from meshslam.evaluation import truth_digest
 from meshslam.features import correct_rotations
+from meshslam.files import LOCK, locked, remove_leftovers
 from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, to_glb
 from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.config import Config, InputConfig
+from meshslam.runs.inputs import input_digests
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
 from meshslam.sequences import Sequence, camera_yaml, open_sequence
@@ -61,16 +66,45 @@ def open_input(chosen: InputConfig, *, use_imu: bool = True) -> Sequence:
     )
 
 
-def begin(
-    command: str, settings: Config, out: Path, *, overwrite: bool
-) -> tuple[Sequence, RunDirectory, dict[str, float] | None]:
-    """Open recording and run directory of a command; also the run's figures, if it is there whole already."""
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A run's recording and its folder, which no other process writes meanwhile."""
+
+    recording: Sequence
+    run: RunDirectory
+    figures: dict[str, float] | None  # of the run, if it is there whole already
+
+
+@contextmanager
+def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> Iterator[Begun]:
+    """Open recording and run directory for the block; MapError if another run, or another process, has the folder."""
     recording = open_input(settings.input, use_imu=command != "map")
-    run = RunDirectory.start(out, to_yaml(settings, command), version("meshslam"), overwrite=overwrite)
-    if not (run.has("metrics.json") and run.has("report.html")):
-        return recording, run, None
-    done: dict[str, float] = json.loads(run.path("metrics.json").read_text())
-    return recording, run, done
+    inputs = input_digests(recording, settings)
+    RunDirectory.claim(out)
+    with locked(out / LOCK, str(out)):
+        run = RunDirectory.start(
+            out, to_yaml(settings, command), version("meshslam"), inputs=inputs, overwrite=overwrite
+        )
+        try:
+            yield Begun(recording, run, _figures_there(recording, run, outlet) if run.is_complete else None)
+        finally:
+            remove_leftovers(out)
+
+
+def _figures_there(recording: Sequence, run: RunDirectory, outlet: Outlet) -> dict[str, float]:
+    """The figures of a run that is complete; its notes are told again."""
+    run.refuse_other_truth(truth_digest(recording.root))
+    figures: dict[str, Any] = json.loads(run.path("metrics.json").read_text(encoding="utf-8"))
+    for note in figures.pop("notes", []):
+        outlet.note(note)
+    return figures
+
+
+def end(begun: Begun, figures: dict[str, float], outlet: Outlet) -> dict[str, float]:
+    """Write the figures with the notes, and say that the run is complete."""
+    begun.run.save("metrics.json", metrics_json(figures, outlet.notes))
+    begun.run.finish(truth_digest(begun.recording.root))
+    return figures
 
 
 def need_poses(recording: Sequence) -> tuple[Pose, ...]:
@@ -101,10 +135,12 @@ def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: R
     """Write what was estimated; the figures come last, so that a run with them is complete."""
     trajectory = Trajectory(frames.times_s, frames.world_from_camera)
     camera = camera_yaml(recording.camera, None, recording.imu_from_camera, recording.height_above_ground_m)
+    names = ("camera.yaml", "trajectory.tum", "detections.json", "map.glb")
+    run.announce(*names, "left_out.json", "report.html", "metrics.json", "map.json", *mapping.map.mesh_files)
     run.save("camera.yaml", camera)
     run.save("trajectory.tum", trajectory.to_tum())
     run.save("detections.json", write_detections(mapping.detections))
-    mapping.map.save(run.folder)
+    run.save_map(mapping.map)
     saved = Map.load(run.folder), Trajectory.load(run.path("trajectory.tum"))  # as rounded on disk: the same bytes
     run.save("map.glb", to_glb(*saved))
 
@@ -134,6 +170,7 @@ def run_figures(rows: dict[str, float], frames: int, clock: Clock) -> dict[str, 
     return {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in every.items()}
 
 
-def metrics_json(rows: dict[str, float]) -> str:
-    """The figures as the file's text."""
-    return json.dumps(rows, indent=1, allow_nan=False) + "\n"
+def metrics_json(rows: dict[str, float], notes: Rows[str] = ()) -> str:
+    """The figures as the file's text, and what the user should know under `notes`."""
+    document: dict[str, Any] = {**rows, "notes": list(notes)} if notes else dict(rows)
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from meshslam.errors import ModelError
+from meshslam.files import remove_leftovers_of, write_atomically
 from meshslam.geometry import Bools, Bytes, Floats, Ints
 from meshslam.simulation import ProceduralCar, make_cars
 from meshslam.training.dataset import Sample, Samples, gathered, taken
@@ -123,9 +126,10 @@ def _save_chunk(job: tuple[int, Path, int]) -> Path:
     seed, path, count = job
     if not path.exists():
         chunk = draw_chunk(seed, count)
-        part = path.with_suffix(".part.npz")
-        np.savez(part, **vars(chunk))
-        part.replace(path)
+        remove_leftovers_of(path)
+        buffer = io.BytesIO()
+        np.savez(buffer, **vars(chunk))
+        write_atomically(path, buffer.getvalue(), ModelError)
     return path
 
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from meshslam.errors import ModelError
+from meshslam.files import remove_leftovers_of, write_atomically
 from meshslam.geometry import Singles
-from meshslam.maps import write_atomically
 from meshslam.perception import Answers, answers_of, to_input
 from meshslam.settings import Settings, setting
 from meshslam.training.augment import varied
@@ -94,7 +95,8 @@ def _loss(network: KeypointNetwork, samples: Samples) -> torch.Tensor:
 def _save(path: Path, state: dict[str, object]) -> None:
     buffer = io.BytesIO()
     torch.save(state, buffer)
-    write_atomically(path, buffer.getvalue())
+    remove_leftovers_of(path)
+    write_atomically(path, buffer.getvalue(), ModelError)
 
 
 def _resume(path: Path, config: TrainingConfig, parts: tuple[Any, Any, Any]) -> int:
@@ -140,7 +142,8 @@ def export(network: KeypointNetwork, path: Path) -> None:
             opset_version=OPSET,
             dynamo=False,
         )
-    write_atomically(path, buffer.getvalue())
+    remove_leftovers_of(path)
+    write_atomically(path, buffer.getvalue(), ModelError)
 
 
 def held_out(paths: list[Path], config: TrainingConfig) -> tuple[Album, Samples]:

@@ -8,13 +8,13 @@ import time
 import pytest
 
 from meshslam.errors import MapError
-from meshslam.maps import Map, remove_leftovers, write_atomically
-from meshslam.maps.atomic import LEFTOVER_SUFFIX, write_together
+from meshslam.files import LEFTOVER_SUFFIX, remove_leftovers, write_atomically, write_together
+from meshslam.maps import Map
 
 WRITER = """
 import sys
 from pathlib import Path
-from meshslam.maps import write_atomically
+from meshslam.files import write_atomically
 path, size = Path(sys.argv[1]), int(sys.argv[2])
 print("ready", flush=True)
 for i in range(10**9):
@@ -100,7 +100,7 @@ def test_an_interrupt_while_a_file_is_written_leaves_the_old_one_and_nothing_els
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meshslam.maps.atomic.os.fsync", interrupted)
+    monkeypatch.setattr("meshslam.files.atomic.os.fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_atomically(path, b"new")
     assert path.read_bytes() == b"old"

@@ -1,0 +1,27 @@
+"""Files on disk: whole or not there, known by their content, and used by one process at a time."""
+
+from meshslam.files.atomic import (
+    LEFTOVER_SUFFIX,
+    remove_leftovers,
+    remove_leftovers_of,
+    write_atomically,
+    write_together,
+    written_aside,
+)
+from meshslam.files.digest import digest_of, digest_of_file
+from meshslam.files.folder import replaced_folder
+from meshslam.files.lock import LOCK, locked
+
+__all__ = [
+    "LEFTOVER_SUFFIX",
+    "LOCK",
+    "digest_of",
+    "digest_of_file",
+    "locked",
+    "remove_leftovers",
+    "remove_leftovers_of",
+    "replaced_folder",
+    "write_atomically",
+    "write_together",
+    "written_aside",
+]

@@ -1,0 +1,99 @@
+"""One process at a time in a folder: a lock file that names its process, and that a dead process does not keep."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+from meshslam.errors import MapError, MeshslamError
+
+try:
+    import fcntl
+except ImportError:  # Windows: two that come in the same instant are not told apart there
+    fcntl = None  # type: ignore[assignment]
+
+LOCK = ".meshslam-lock"
+
+
+@contextlib.contextmanager
+def locked(path: Path, what: str, error: type[MeshslamError] = MapError) -> Iterator[None]:
+    """Hold the lock file `path` while the block runs; `error` names the process that holds it, if one does.
+
+    A lock whose process has ended, or whose number another process has now, is taken over.
+    """
+    holder = _take(path, error)
+    if holder is not None:
+        raise error(
+            f"{what}: process {holder['pid']} is writing it: wait for it, or choose another folder "
+            f"(its lock is {path.name})"
+        )
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:
+    """Write this process into the lock file; the living process that is in there, if one is."""
+    while True:
+        try:
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as problem:
+            raise error(f"{path.parent}: cannot be written: {problem.strerror}") from None
+        with os.fdopen(handle, "r+b") as file:
+            _alone(file.fileno())
+            if not _is_current(file.fileno(), path):
+                continue  # its holder has just removed it
+            holder = _holder(file.read())
+            if holder is not None:
+                return holder
+            file.seek(0)
+            file.truncate()
+            file.write(json.dumps({"pid": os.getpid(), "started": started(os.getpid())}).encode())
+            return None
+
+
+def _alone(handle: int) -> None:
+    """Look and write without another doing so between; the system lets go when the file is closed."""
+    if fcntl is not None:
+        with contextlib.suppress(OSError):  # a file system without this
+            fcntl.flock(handle, fcntl.LOCK_EX)
+
+
+def _is_current(handle: int, path: Path) -> bool:
+    """Whether the open file is still the one of that name."""
+    with contextlib.suppress(OSError):
+        return os.path.samestat(os.fstat(handle), path.stat())
+    return False
+
+
+def _holder(content: bytes) -> dict[str, object] | None:
+    """The process of a lock file, if it lives; a lock that was cut short has none."""
+    try:
+        found = json.loads(content)
+        alive = started(int(found["pid"]))
+    except (ValueError, KeyError, TypeError):
+        return None
+    return dict(found) if alive is not None and alive == found.get("started") else None
+
+
+def started(pid: int) -> str | None:
+    """When a process began, in words that no other process of its number has; None if there is none."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return None if Path("/proc/self/stat").exists() else _started_by_ps(pid)
+    rest = text.rpartition(")")[2].split()  # a name may hold spaces and brackets
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    return None if rest[0] in "ZX" else f"{rest[19]} {boot.read_text().strip() if boot.exists() else ''}"
+
+
+def _started_by_ps(pid: int) -> str | None:
+    """The same where there is no /proc."""
+    shown = subprocess.run(["ps", "-o", "lstart=", "-p", str(pid)], capture_output=True, text=True, check=False)
+    return shown.stdout.strip() or None
