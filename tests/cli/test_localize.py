@@ -125,7 +125,7 @@ def test_slam_by_odometry_and_by_the_papers_solver(source, drive, tmp_path):
     assert reckoned["scale_by_odometry"] == 1.0
     assert reckoned["scale_by_imu"] == 0.0
     few = tmp_path / "few.yaml"
-    few.write_text("slam: {gradient_iterations: 2}\nobjects: {gradient: {shape_iterations: 5}}\n")
+    few.write_text("expert: {slam: {gradient_iterations: 2}, objects: {gradient: {shape_iterations: 5}}}\n")
     command = ("slam", drive, "--solver", "gradient", "--config", few, "--out", tmp_path / "b", "--json")
     figures = json.loads(done(*command).stdout)
     recorded = sorted(key for key in figures if key.startswith("ate_iteration_"))
