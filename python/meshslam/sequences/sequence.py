@@ -28,8 +28,9 @@ class ImuSamples:
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second over the whole recording; 0 for fewer than two."""
-        return (len(self.times_s) - 1) / float(self.times_s[-1] - self.times_s[0]) if len(self.times_s) > 1 else 0.0
+        """Samples a second over the whole recording; 0 for fewer than two, or where all have one time."""
+        span_s = float(self.times_s[-1] - self.times_s[0]) if len(self.times_s) > 1 else 0.0
+        return (len(self.times_s) - 1) / span_s if span_s > 0 else 0.0
 
     def between(self, after_s: float, until_s: float) -> ImuSamples:
         """The samples with after_s < time <= until_s, seconds: what a stream brings from one frame to the next."""
