@@ -124,7 +124,8 @@ def disturbed_run(run, items, right, rng, *, share=0.5, most_calls=4000):
                 fault = FaultInside(int(np.exp(rng.uniform(0, np.log(most_calls)))))
                 what, (state, problem) = f"a fault after {fault.left} calls", _with_fault(run, item, fault)
             else:
-                what = str(rng.choice(list(REFUSED)))
+                beyond_doubt = set(REFUSED) - ({"samples too late"} if item is items[0] else set())  # all are old there
+                what = str(rng.choice(sorted(beyond_doubt)))
                 state, problem = _sent(run, REFUSED[what](item))
                 problem = "was not refused" if state is not None else problem
             yield what, problem

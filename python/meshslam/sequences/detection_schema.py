@@ -55,6 +55,8 @@ def _document(path: Path) -> dict[str, Any]:
         document = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise fail(path, f"line {error.lineno}", f"not valid JSON: {error.msg}") from None
+    except ValueError:
+        raise fail(path, "", "not valid JSON: a number of thousands of digits") from None
     except RecursionError:
         raise fail(path, "", "not valid JSON: nested too deeply") from None
     if not isinstance(document, dict):
