@@ -64,10 +64,13 @@ def checked_samples(frame: int, imu: ImuSamples | None) -> ImuSamples:
     return ImuSamples(times_s, rates, forces)
 
 
-def arrived(frame: int, time_s: float, last_s: float | None, held: ImuSamples, imu: ImuSamples) -> Arrived:
+def arrived(
+    frame: int, time_s: float, last_s: float | None, held: ImuSamples, imu: ImuSamples, *, is_live: bool = True
+) -> Arrived:
     """The samples of a frame: sorted, doubled ones once, broken ones left out as if they had not been measured.
 
-    `held` are those of the frames before. SequenceError if all are of before the last frame, or none is near this one.
+    `held` are those of the frames before. In a live stream those that jump far ahead of the frame are left out: all
+    later ones would seem old beside them. SequenceError if all are of before the last frame, or none is near this one.
     """
     if not len(imu.times_s):
         return Arrived(imu, ())
@@ -78,10 +81,13 @@ def arrived(frame: int, time_s: float, last_s: float | None, held: ImuSamples, i
         _on_the_same_clock(frame, time_s, last_s, imu.times_s[numbers])
     sane = _picked(imu, numbers & ~wild)
     sane = _picked(sane, np.unique(sane.times_s, return_index=True)[1])
+    ahead = _far_ahead(time_s, sane.times_s) if is_live else np.zeros(len(sane.times_s), bool)
+    sane = _picked(sane, ~ahead)
     frozen = _frozen(held, sane)
     counts = {
         "are no numbers": int((~numbers).sum()),
         "are wild, over 10 g or 35 rad/s": int(wild.sum()),
+        "are far ahead of the frame": int(ahead.sum()),
         "repeat the same reading": int(frozen.sum()),
     }
     notes = tuple(f"frame {frame}: {n} IMU samples left out: they {what}" for what, n in counts.items() if n)
@@ -113,7 +119,8 @@ def joined(one: ImuSamples, other: ImuSamples) -> ImuSamples:
 def _on_the_same_clock(frame: int, time_s: float, last_s: float | None, times_s: np.ndarray) -> None:
     first, last = float(times_s.min()), float(times_s.max())
     between = f"frame {frame}: its {len(times_s)} IMU samples are from {first:.6g} s to {last:.6g} s"
-    unit = judge_times(np.unique(times_s), "IMU samples", f"frame {frame}", SAMPLE_STEP_S) if len(times_s) > 2 else []
+    tells = len(times_s) > 2 or last - first > 100 * LONGEST_STEP_S
+    unit = judge_times(np.unique(times_s), "IMU samples", f"frame {frame}", SAMPLE_STEP_S) if tells else []
     if unit and "look like" in unit[0].message:
         raise SequenceError(unit[0].message)
     if first > time_s + LONGEST_STEP_S or last < time_s - LONGEST_STEP_S:
@@ -123,6 +130,12 @@ def _on_the_same_clock(frame: int, time_s: float, last_s: float | None, times_s:
             f"{between}, all before the last frame at {last_s:.6f} s: they come too late: give each frame the samples "
             "since the last one, up to its own time"
         )
+
+
+def _far_ahead(time_s: float, times_s: np.ndarray) -> np.ndarray:
+    """Which of sorted times come after a jump ahead of the frame."""
+    jumps = np.diff(np.concatenate([[time_s], times_s])) > LONGEST_STEP_S
+    return np.logical_or.accumulate(jumps & (times_s > time_s + LONGEST_STEP_S))
 
 
 def _frozen(held: ImuSamples, new: ImuSamples) -> np.ndarray:

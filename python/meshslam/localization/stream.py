@@ -26,8 +26,10 @@ class Stream:
     _first_s: float | None = None
     _unjudged: ImuSamples | None = NO_SAMPLES  # of the first seconds; None: their units are right
 
-    def take(self, number: int, time_s: float, imu: ImuSamples | None, *, needs_imu: bool = False) -> None:
-        """Add a frame and its samples.
+    def take(
+        self, number: int, time_s: float, imu: ImuSamples | None, *, needs_imu: bool = False, is_live: bool = True
+    ) -> None:
+        """Add a frame and its samples; unless it is live, those of the whole recording may come with the first frame.
 
         Samples are sorted; doubled ones count once, broken ones not at all, which `notes` tells. SequenceError, with
         nothing changed, for times that do not go on or jump, for samples that come too late or have another clock or
@@ -38,7 +40,7 @@ class Stream:
         held_s = self.imu.samples.times_s
         newest = [float(times.max()) for times in (held_s, finite_s) if len(times)]
         now_s = checked_time(number, time_s, self.last_s, max(newest, default=None))
-        new = arrived(number, now_s, self.last_s, self.imu.samples, given)
+        new = arrived(number, now_s, self.last_s, self.imu.samples, given, is_live=is_live)
         unjudged, said = self._judged(number, new.samples)
         first_s = now_s if self._first_s is None else self._first_s
         if needs_imu and now_s - first_s > _PATIENCE_S and not len(held_s) and not len(new.samples.times_s):

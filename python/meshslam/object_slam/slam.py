@@ -205,7 +205,8 @@ class Slam:
         with unchanged_by_errors(self, f"{self._source}: frame {number}"):
             self._check(number, image, odometry)
             tracked = self._perception.process(number, image, detections)
-            reached = self._taken(StreamFrame(number, time_s, tracked), image, imu, odometry, None)
+            self._stream.take(number, time_s, imu, needs_imu=self._moved_by_imu)
+            reached = self._taken(StreamFrame(number, float(time_s), tracked), image, odometry, None)
             return replace(reached, notes=(*reached.notes, *self._perception.notes))
 
     def process_tracked(
@@ -220,18 +221,16 @@ class Slam:
         """As `process`, with detections that are on tracks and have their key points."""
         with unchanged_by_errors(self, f"{self._source}: frame {frame.number}"):
             self._check(frame.number, image, odometry)
-            return self._taken(frame, image, imu, odometry, progress)
+            self._stream.take(frame.number, frame.time_s, imu, needs_imu=self._moved_by_imu, is_live=False)
+            return self._taken(frame, image, odometry, progress)
 
     def _taken(
         self,
         frame: StreamFrame,
         image: Bytes | None,
-        imu: ImuSamples | None,
         odometry: Pose | None,
         progress: Progress | None,
     ) -> SlamState:
-        self._stream.take(frame.number, frame.time_s, imu, needs_imu=self._moved_by_imu)
-        frame = replace(frame, time_s=float(frame.time_s))
         if odometry is not None:
             self._odometry.append(odometry)
         if image is not None:
