@@ -12,7 +12,7 @@ import pytest
 from meshslam.errors import MapError, MeshslamError, SequenceError
 from meshslam.graph import Checkpoint, Smoother
 from meshslam.localization import Localizer
-from meshslam.object_slam import Slam, SlamConfig
+from meshslam.object_slam import Slam, SlamConfig, SlamEstimator
 from meshslam.runs import Config
 from meshslam.sequences import ImuSamples
 from tests.faults.disturbances import BRIDGED, REFUSED, FaultInside, InjectedError, disturbed_run, imu
@@ -124,6 +124,39 @@ def test_a_solver_that_gives_up_after_the_work_leaves_no_trace(make, items, righ
             with pytest.raises(SequenceError, match=r"frame 6: RuntimeError: Indeterminant.*as before this call"):
                 run.process(**items[6])
     assert places(run, items[6:]) == pytest.approx(right[6:], abs=ROUNDING_M)
+
+
+def test_what_left_the_window_in_a_call_that_failed_is_back(make, items, monkeypatch):
+    run = make()
+    if not isinstance(run, Slam):
+        pytest.skip("of SLAM, which keeps what leaves")
+    places(run, items[:11])
+    held = _history(run)
+    with monkeypatch.context() as patch:
+        patch.setattr(SlamEstimator, "_close_loops", _given_up)
+        with pytest.raises(SequenceError, match="gave up"):
+            run.process(**items[11])
+    assert _history(run) == held
+    run.process(**items[11])
+    assert _history(run) > held
+
+
+def _given_up(_):
+    raise RuntimeError("gave up")
+
+
+def _history(run):
+    history = run._estimator.smoother.history
+    return history.values.size(), len(history.entries)
+
+
+def test_samples_after_one_far_ahead_are_not_old(make, items):
+    run = make()
+    places(run, items[:3])
+    assert len(run.process(**BRIDGED["a time far ahead"](items[3])).notes) == 1
+    newest_s = run._stream.samples().times_s[-1]
+    run.process(**items[4])
+    assert newest_s < run._stream.samples().times_s[-1] == items[4]["imu"].times_s[-1]
 
 
 def test_a_key_that_interrupts_leaves_no_trace_and_goes_through(make, items, right, monkeypatch):
