@@ -66,7 +66,11 @@ $(VENV)/.bench: $(VENV)/.packages benchmarks/requirements.txt
 bench-render: setup $(VENV)/.bench ## the renderer and its gradients side by side with DEODR and OpenCV
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/render.py
 
-fuzz: ## hostile input to the core's entry points for FUZZ_SECONDS (600), with overflow checks; FUZZ_SEED repeats a finding
+FUZZ_SECONDS ?= 600
+
+fuzz: setup ## hostile input to the core's entry points, with overflow checks, and to streams: FUZZ_SECONDS (600); FUZZ_SEED repeats a finding
+	$(BIN)/python scripts/fuzz_streams.py $$(($(FUZZ_SECONDS) / 2)) $(or $(FUZZ_SEED),0)
+	FUZZ_SECONDS=$$(($(FUZZ_SECONDS) / 2)) \
 	CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true \
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from meshslam.categories import load_category
+from meshslam.errors import MeshslamError
 from meshslam.features import RoadConfig
 from meshslam.object_slam import LoopClosureConfig, Slam, SlamConfig
 from meshslam.runs import Config
@@ -23,6 +24,7 @@ from meshslam.simulation import (
     render_image,
     simulated_imu,
 )
+from tests.faults.disturbances import FaultInside, InjectedError
 from tests.fixtures.equality import same
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m
 
@@ -195,3 +197,18 @@ def test_what_the_run_knows_is_as_if_nothing_had_been_saved(two, never_saved, wh
     whole = json.loads(str(never_saved["estimator_plain"]))[what]
     for name in ("here", "there"):
         assert json.loads(str(archive(two[-1] / f"{name}.npz")["estimator_plain"]))[what] == whole
+
+
+def test_faults_inside_leave_no_trace(street, told, items, never):
+    """In images, tracker, point tracks and road, too: frames fail somewhere, and are sent again."""
+    slam, rng, states, raised = Slam(street.camera, **told), np.random.default_rng(1), [], 0
+    for item in items:
+        try:
+            with FaultInside(int(np.exp(rng.uniform(2, 8.5)))):
+                states.append(slam.process(**item))
+        except (MeshslamError, InjectedError):
+            raised += 1
+            states.append(slam.process(**item))
+    assert raised > 5
+    assert cameras(states) == pytest.approx(cameras(never[1]), abs=1e-6)
+    assert sorted(slam.map()) == sorted(never[0].map())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -105,10 +106,12 @@ def category_bytes(category: Category) -> bytes:
 
 def _read(data: bytes, origin: str) -> Category:
     try:
+        _check_sizes(data)
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays: dict[str, AnyArray] = {key: archive[key] for key in archive.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise CategoryError(f"{origin}: not a readable .npz file ({error})") from error
+    except _DAMAGED as error:
+        said = " ".join(str(error).split())[:150]
+        raise CategoryError(f"{origin}: not a readable .npz file ({said})") from error
     missing = [key for key in ("format", "name", *FIELDS) if key not in arrays]
     if missing:
         raise CategoryError(f"{origin}: key {missing[0]!r} is missing; a category file holds {', '.join(FIELDS)}")
@@ -120,6 +123,28 @@ def _read(data: bytes, origin: str) -> Category:
         raise CategoryError(f"{origin}: {error}") from error
     except CategoryError as error:
         raise CategoryError(f"{origin}: {error}") from None
+
+
+_DAMAGED = (
+    OSError,
+    ValueError,
+    EOFError,
+    TypeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+_MAX_BYTES = 256 << 20  # of all arrays; the shipped categories have 0.5 MB
+
+
+def _check_sizes(data: bytes) -> None:
+    """ValueError for a file whose arrays say they unpack to more than any category needs: they are not unpacked."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+    if size > _MAX_BYTES:
+        raise ValueError(f"it says it unpacks to {size} bytes, more than {_MAX_BYTES} are not read")
 
 
 def _from_arrays(arrays: dict[str, AnyArray]) -> Category:

@@ -111,7 +111,7 @@ def read_keypoints(path: Path, meshes: list[NamedMesh], scale: float = 1.0) -> l
         document = json.loads(path.read_text())
     except FileNotFoundError:
         raise CategoryError(f"no key point file at {path}") from None
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise CategoryError(f"{path}: not readable as JSON ({error})") from error
     if not isinstance(document, dict) or not all(isinstance(points, dict) for points in document.values()):
         raise CategoryError(f'{path}: {{"mesh file\'s stem": {{"key point": [x, y, z]}}}} expected')

@@ -109,6 +109,7 @@ class ObjectModel:
         Vertices and modes in metres, modes at one standard deviation. GeometryError for a wrong shape, an index that
         names no vertex, or a value that is not finite.
         """
+        self._made_of = (vertices, faces, modes, mirror, keypoint_weights, wheel_vertices)
         self.faces = ints(faces)
         self.keypoint_count = len(keypoint_weights)
         self.mode_count = len(modes)
@@ -121,6 +122,10 @@ class ObjectModel:
                 floats(keypoint_weights),
                 ints(wheel_vertices),
             )
+
+    def __reduce__(self) -> tuple[type[ObjectModel], tuple[object, ...]]:
+        """Pickles and copies are made anew of the same arrays."""
+        return ObjectModel, self._made_of
 
     def state_at(self, world_from_object: Pose) -> ObjectState:
         """The mean shape at a pose."""

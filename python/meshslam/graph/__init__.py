@@ -1,5 +1,6 @@
 """The factor graph: window, factors, smoother, full-trajectory smoothing."""
 
+from meshslam.graph.checkpoint import Checkpoint, unchanged, unchanged_by_errors
 from meshslam.graph.config import SmootherConfig, StartConfig
 from meshslam.graph.full_trajectory import Pair
 from meshslam.graph.graph_archive import Arrays
@@ -12,6 +13,7 @@ from meshslam.graph.window import Entry
 
 __all__ = [
     "Arrays",
+    "Checkpoint",
     "Entry",
     "FullTrajectory",
     "ObservationCost",
@@ -27,4 +29,6 @@ __all__ = [
     "smoother_from_arrays",
     "smoother_to_arrays",
     "start_covariance",
+    "unchanged",
+    "unchanged_by_errors",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -25,12 +25,27 @@ class History:
 
     values: gtsam.Values = field(default_factory=gtsam.Values)
     entries: list[Entry] = field(default_factory=list)
+    _order: list[int] = field(default_factory=list, repr=False)  # of the variables taken since it was made
 
     def take(self, window: Window, keys: set[int]) -> None:
         """Marginalize variables out of the window, and keep them with their factors."""
         if keys:
             self.values.insert(window.values.extract(sorted(keys)))
+            self._order += sorted(keys)
             self.entries += [entry for entry in window.marginalize(keys) if entry.origin is not None]
+
+    def checkpoint(self) -> Callable[[], None]:
+        """How to come back to what is held now; it costs the same however long the run is."""
+        entries, count, variables = self.entries, len(self.entries), len(self._order)
+
+        def undo() -> None:
+            self.entries = entries
+            del entries[count:]
+            for key in self._order[variables:]:
+                self.values.erase(key)
+            del self._order[variables:]
+
+        return undo
 
     def forget(self, number: int) -> None:
         """Drop the observations of an object."""

@@ -1,6 +1,6 @@
 """The camera in a known map of meshes."""
 
-from meshslam.localization.archive import read_archive, under, write_archive
+from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
 from meshslam.localization.config import AssociationConfig, GateConfig, LocalizationConfig
 from meshslam.localization.data_association import FrameMasks
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
@@ -23,6 +23,7 @@ __all__ = [
     "Localizer",
     "LocalizerSettings",
     "Stream",
+    "archive_errors",
     "camera_loss",
     "descend",
     "descend_camera",

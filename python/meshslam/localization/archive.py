@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from meshslam.errors import MapError
+from meshslam.errors import MapError, MeshslamError
 from meshslam.maps import write_atomically
 from meshslam.sequences import ImuSamples
 
@@ -23,16 +26,58 @@ def write_archive(path: Path, kind: str, imu: ImuSamples, arrays: Mapping[str, A
 
 
 def read_archive(path: Path, kind: str) -> tuple[ImuSamples, dict[str, Any]]:
-    """The samples and arrays of a file of this kind; MapError if it is none."""
+    """The samples and arrays of a file of this kind; MapError if it is none, or damaged."""
     try:
+        _check_sizes(Path(path))
         with np.load(Path(path), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
         right, imu = str(arrays.pop("format")) == kind, arrays.pop("imu")
-    except (OSError, ValueError, KeyError) as error:
-        raise MapError(f"{path}: cannot be read as a saved system: {error}") from None
+    except _DAMAGED as error:
+        raise MapError(f"{path}: cannot be read as a saved system: {_said(error)}") from None
     if not right:
         raise MapError(f"{path}: was saved by another version, expected {kind}")
+    if imu.dtype.kind != "f" or imu.shape[1:] != (7,):
+        raise MapError(f"{path}: is damaged: imu has shape {imu.shape}, expected (n, 7)")
     return ImuSamples(imu[:, 0], imu[:, 1:4], imu[:, 4:]), arrays
+
+
+@contextmanager
+def archive_errors(path: Path | str) -> Iterator[None]:
+    """MapError for whatever is wrong with the arrays of a saved system that the block reads."""
+    try:
+        yield
+    except MeshslamError as error:
+        raise MapError(f"{path}: is damaged: {_said(error)}") from None
+    except Exception as error:
+        raise MapError(f"{path}: is damaged, or of other arguments: {type(error).__name__}: {_said(error)}") from error
+
+
+_DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    TypeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+_MAX_PACKED_BYTES = 64 << 20  # of a packed array; those that are saved are not packed
+
+
+def _check_sizes(path: Path) -> None:
+    """ValueError for a member that unpacks to far more than the file can honestly hold: it is not unpacked."""
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            stored = member.compress_type == zipfile.ZIP_STORED
+            if member.file_size > (member.compress_size if stored else _MAX_PACKED_BYTES):
+                raise ValueError(f"{member.filename[:40]} says it unpacks to {member.file_size} bytes")
+
+
+def _said(error: Exception) -> str:
+    return " ".join(str(error).split())[:150]
 
 
 def under(prefix: str, arrays: Mapping[str, Any]) -> dict[str, Any]:

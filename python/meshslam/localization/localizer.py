@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,9 +13,9 @@ import numpy as np
 from meshslam.categories import category_names, load_category
 from meshslam.errors import SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import StateMarginal
+from meshslam.graph import StateMarginal, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig, FirstFrames, settling_seconds
-from meshslam.localization.archive import read_archive, under, write_archive
+from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
 from meshslam.localization.map_models import known_objects
@@ -27,7 +27,6 @@ from meshslam.perception import Detection, FramePerception, KeypointConfig, Segm
 from meshslam.sequences import ImuSamples, InitialState
 
 FORMAT = "meshslam-localizer-3"
-NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 class LocalizerSettings(Protocol):
@@ -79,6 +78,7 @@ class LocalizerState:
     objects: tuple[int, ...]  # of the map, seen in this frame
     moved: tuple[int, ...]  # objects that were found moved so far
     has_imu_gap: bool = False
+    notes: tuple[str, ...] = ()  # what of the frame's samples and detections was left out, and why
 
     @property
     def is_started(self) -> bool:
@@ -130,9 +130,14 @@ class Localizer:
         self._names = _shipped_names() if keypoint_names is None else {k: tuple(v) for k, v in keypoint_names.items()}
         settings = self._settings
         self._perception = FramePerception(
-            segmenter, settings.segmentation, settings.keypoints, settings.tracking, camera
+            segmenter,
+            settings.segmentation,
+            settings.keypoints,
+            settings.tracking,
+            camera,
+            {name: len(points) for name, points in self._names.items()},
         )
-        self._stream = Stream()
+        self._stream = Stream(source=source)
         self._waiting: list[_Frame] = []
         self._estimator: LocalizationEstimator | None = None
         self._moved: dict[int, int] = {}
@@ -148,17 +153,33 @@ class Localizer:
     ) -> LocalizerState:
         """Take the next frame, with the IMU samples since the last one.
 
-        `detections` are used as they are; `frame` is its number, counted on if it is not given. SequenceError if time
-        does not go on, or if the map explains nothing of the first seconds; GeometryError for an image that is not
-        uint8 (h, w, 3) of the camera's size.
+        `detections` are used as they are; `frame` is its number, counted on if it is not given. Samples may come in any
+        order, and doubled; those that are no numbers, wild (over 10 g) or frozen are left out, as `notes` of the state
+        says. Frames and samples may be missing: the gap is bridged. The first frame needs no samples: it waits for
+        them.
+
+        Whatever is raised, the state is as before the call: go on with the next frame, or send this one again.
+        SequenceError if time or number do not go on or jump, if samples come too late, are on another clock or in
+        another unit, if the frame cannot be taken in, or if the map explains nothing of the first seconds;
+        DetectionError for detections of another image size or with other key points; GeometryError for an image that is
+        not uint8 (h, w, 3) of the camera's size; ModelError for a network. All are MeshslamErrors; nothing else is
+        raised.
         """
-        number = self._stream.next_number if frame is None else frame
-        self._stream.take(number, time_s, NO_SAMPLES if imu is None else imu)
-        given = _Frame(number, time_s, self._perception.process(number, image, detections))
+        number = self._stream.checked_number(frame)
+        with unchanged_by_errors(self, f"{self._source}: frame {number}"):
+            self._stream.take(number, time_s, imu, needs_imu=True)
+            given = _Frame(number, float(time_s), self._perception.process(number, image, detections))
+            reached = self._taken(given)
+            _check_finite(number, reached.world_from_camera)
+            return replace(reached, notes=(*self._stream.notes, *self._perception.notes))
+
+    def _taken(self, given: _Frame) -> LocalizerState:
         if self._estimator is not None:
             return self._step(given)
         self._waiting.append(given)
-        return self._begin() if self._suffices() else LocalizerState(number, time_s, None, None, None, (), ())
+        if self._suffices():
+            return self._begin()
+        return LocalizerState(given.number, given.time_s, None, None, None, (), ())
 
     def save(self, path: Path | str) -> None:
         """Write the newest state with its joint covariance, and which objects moved (.npz).
@@ -168,12 +189,16 @@ class Localizer:
         """
         if self._estimator is None:
             raise SequenceError("nothing to save: no frame was processed yet, or localization has not started")
-        marginal, moved = self._estimator.marginal(), sorted(self._estimator.moved.items())
+        with unchanged_by_errors(self, f"{self._source}: cannot be saved"):
+            self._save(Path(path), self._estimator)
+
+    def _save(self, path: Path, estimator: LocalizationEstimator) -> None:
+        marginal, moved = estimator.marginal(), sorted(estimator.moved.items())
         plain = {"last_s": self._stream.last_s, "next_number": self._stream.next_number, "moved": moved}
         arrays: dict[str, Any] = {"own": np.array(json.dumps(plain))}
         arrays |= {f"marginal_{k}": v for k, v in marginal.arrays().items()}
         arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
-        write_archive(Path(path), FORMAT, self._stream.samples(), arrays)
+        write_archive(path, FORMAT, self._stream.samples(), arrays)
         self._fill(arrays, self._stream.samples())
 
     @classmethod
@@ -181,8 +206,29 @@ class Localizer:
         """Go on where `save` ended; `told` as when it was made. MapError if the file is none of its."""
         imu, arrays = read_archive(Path(path), FORMAT)
         localizer = cls(camera, map, **told)
-        localizer._fill(arrays, imu)
+        with archive_errors(path):
+            localizer._fill(arrays, imu)
         return localizer
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and pickles: they go on from the newest state and its covariance, as what is saved does.
+
+        The smoothing of the last seconds begins anew in the copy; the original goes on as if it had not been copied.
+        """
+        if self._estimator is None:
+            return dict(vars(self))
+        with unchanged(self):
+            marginal, moved = self._estimator.marginal(), dict(self._estimator.moved)
+        return vars(self) | {"_estimator": None, "_copied": (marginal, moved)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The reverse of `__getstate__`."""
+        copied = state.pop("_copied", None)
+        vars(self).update(state)
+        if copied is not None:
+            self._estimator = self._fresh(self._settings.estimation)
+            self._estimator.moved = dict(copied[1])
+            self._estimator.resume(copied[0])
 
     def _fill(self, arrays: Mapping[str, Any], imu: ImuSamples) -> None:
         plain = json.loads(str(arrays["own"]))
@@ -197,6 +243,8 @@ class Localizer:
         return LocalizationEstimator(self._camera, self._objects, mounting, self._names, estimation, config)
 
     def _suffices(self) -> bool:
+        if not self._stream.has_samples():
+            return False
         if self._given_start is not None:
             return True
         estimation = self._settings.estimation
@@ -246,6 +294,11 @@ class Localizer:
         seen, moved = sorted(report.object_of_detection.values()), sorted(self._estimator.moved)
         at = (frame.number, frame.time_s, report.corrected, velocity, covariance)
         return LocalizerState(*at, tuple(seen), tuple(moved), report.has_gap)
+
+
+def _check_finite(number: int, pose: Pose | None) -> None:
+    if pose is not None and not np.isfinite(pose.matrix).all():
+        raise SequenceError(f"frame {number}: the pose is not finite: what the frame brought was left out again")
 
 
 def _shipped_names() -> dict[str, tuple[str, ...]]:

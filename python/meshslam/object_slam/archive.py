@@ -37,7 +37,7 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
         },
         "landmarks": [_landmark_to_plain(mark) for mark in estimator.landmarks.values()],
         "candidates": [_candidate_to_plain(track, c) for track, c in estimator.candidates.items()],
-        "state": _state_to_plain(estimator.state),
+        "state": state_to_plain(estimator.state),
         "road": None if estimator.road is None else [estimator.road.count, estimator.road.next_frame],
         "motion": estimator.motion.to_plain(),
     }
@@ -61,7 +61,7 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
     at = plain["odometry_frame"]
     estimator.odometry_frame = OdometryFrame(_pose(at["pose"]), at["distance_m"], at["closed_at_m"])
     estimator.landmarks = {mark["number"]: _landmark(mark) for mark in plain["landmarks"]}
-    estimator.state = _state(plain["state"])
+    estimator.state = state_from_plain(plain["state"])
     if estimator.road is not None and plain["road"] is not None:
         estimator.road.count, estimator.road.next_frame = plain["road"]
     estimator.motion.fill(plain["motion"])
@@ -124,7 +124,8 @@ def detection_from_plain(row: dict[str, Any]) -> Detection:
     return Detection(**row | arrays | {"bbox": tuple(row["bbox"]), "image_size": tuple(row["image_size"])})
 
 
-def _state_to_plain(state: NavState) -> dict[str, Any]:
+def state_to_plain(state: NavState) -> dict[str, Any]:
+    """A state as JSON has it."""
     return {
         "time_s": state.time_s,
         "pose": state.world_from_imu.matrix.tolist(),
@@ -133,6 +134,7 @@ def _state_to_plain(state: NavState) -> dict[str, Any]:
     }
 
 
-def _state(row: dict[str, Any]) -> NavState:
+def state_from_plain(row: dict[str, Any]) -> NavState:
+    """The reverse of `state_to_plain`."""
     biases = np.array(row["biases"])
     return NavState(row["time_s"], _pose(row["pose"]), np.array(row["velocity"]), biases[:3], biases[3:])

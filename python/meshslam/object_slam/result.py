@@ -26,6 +26,7 @@ class SlamState:
     objects: tuple[int, ...]  # ids in the map, of the objects that this frame shows
     loop_closures: int  # landmarks that turned out to be older ones, so far
     has_imu_gap: bool = False
+    notes: tuple[str, ...] = ()  # what of the frame's samples and detections was left out, and why
 
     @property
     def is_started(self) -> bool:

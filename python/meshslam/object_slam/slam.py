@@ -15,9 +15,9 @@ from meshslam.categories import Category, load_category
 from meshslam.errors import SequenceError
 from meshslam.features import ImageFeatures
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import StartConfig
+from meshslam.graph import StartConfig, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
-from meshslam.localization import Stream, read_archive, under, write_archive
+from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
 from meshslam.mapping import MappingConfig
 from meshslam.maps import Map, MapObject, Trajectory
 from meshslam.motion import ImageMotion, ImuMotion, MotionSource, Mounting, NavState, OdometryMotion
@@ -26,6 +26,8 @@ from meshslam.object_slam.archive import (
     detection_to_plain,
     estimator_from_arrays,
     estimator_to_arrays,
+    state_from_plain,
+    state_to_plain,
 )
 from meshslam.object_slam.config import SlamConfig
 from meshslam.object_slam.estimator import SlamEstimator, SlamReport
@@ -48,7 +50,7 @@ from meshslam.perception import (
 )
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-3"
+FORMAT = "meshslam-slam-4"
 Progress = Callable[[str, int, int], None]
 
 
@@ -158,9 +160,14 @@ class Slam:
         self._moved_by_imu, self._by_odometry = moved_by_imu, by_odometry
         self._given_start, self._source = start, source
         self._perception = FramePerception(
-            segmenter, settings.segmentation, settings.keypoints, settings.tracking, camera
+            segmenter,
+            settings.segmentation,
+            settings.keypoints,
+            settings.tracking,
+            camera,
+            {known.name: len(names)},
         )
-        self._stream = Stream()
+        self._stream = Stream(source=source)
         self._image_features: ImageFeatures | None = None
         self._odometry: list[Pose] = []
         self._waiting: list[StreamFrame] = []
@@ -183,13 +190,24 @@ class Slam:
         """Take the next frame, with the IMU samples since the last one.
 
         `detections` are used as they are, and get tracks where they have none; `odometry` is the frame's
-        world_from_camera where poses move the camera; `frame` is its number, counted on if it is not given.
-        SequenceError if time does not go on, or if something is missing; GeometryError for an image that is not uint8
-        (h, w, 3) of the camera's size.
+        world_from_camera where poses move the camera; `frame` is its number, counted on if it is not given. Samples
+        may come in any order, and doubled; those that are no numbers, wild (over 10 g) or frozen are left out, as
+        `notes` of the state says. Frames and samples may be missing: the gap is bridged. The first frame needs no
+        samples: it waits for them.
+
+        Whatever is raised, the state is as before the call: go on with the next frame, or send this one again.
+        SequenceError if time or number do not go on or jump, if samples come too late, are on another clock or in
+        another unit, if something is missing, or if the frame cannot be taken in; DetectionError for detections of
+        another image size or with other key points; GeometryError for an image that is not uint8 (h, w, 3) of the
+        camera's size; ModelError for a network. All are MeshslamErrors; nothing else is raised.
         """
-        number = self._stream.next_number if frame is None else frame
-        tracked = self._perception.process(number, image, detections)
-        return self.process_tracked(StreamFrame(number, time_s, tracked), image=image, imu=imu, odometry=odometry)
+        number = self._stream.checked_number(frame)
+        with unchanged_by_errors(self, f"{self._source}: frame {number}"):
+            self._check(number, image, odometry)
+            tracked = self._perception.process(number, image, detections)
+            self._stream.take(number, time_s, imu, needs_imu=self._moved_by_imu)
+            reached = self._taken(StreamFrame(number, float(time_s), tracked), image, odometry, None)
+            return replace(reached, notes=(*reached.notes, *self._perception.notes))
 
     def process_tracked(
         self,
@@ -201,8 +219,18 @@ class Slam:
         progress: Progress | None = None,
     ) -> SlamState:
         """As `process`, with detections that are on tracks and have their key points."""
-        self._check(frame.number, image, odometry)
-        self._stream.take(frame.number, frame.time_s, NO_IMU if imu is None else imu)
+        with unchanged_by_errors(self, f"{self._source}: frame {frame.number}"):
+            self._check(frame.number, image, odometry)
+            self._stream.take(frame.number, frame.time_s, imu, needs_imu=self._moved_by_imu, is_live=False)
+            return self._taken(frame, image, odometry, progress)
+
+    def _taken(
+        self,
+        frame: StreamFrame,
+        image: Bytes | None,
+        odometry: Pose | None,
+        progress: Progress | None,
+    ) -> SlamState:
         if odometry is not None:
             self._odometry.append(odometry)
         if image is not None:
@@ -210,20 +238,36 @@ class Slam:
         if self._setup.slam.refine_map:
             self._detections[frame.number] = frame.detections
         if self._estimator is not None:
-            return self._step(frame)
-        self._waiting.append(frame)
-        return self._begin(progress) if self._first_seconds().suffice() else self._waiting_state()
+            reached = self._step(frame)
+        else:
+            self._waiting.append(frame)
+            reached = self._begin(progress) if self._suffices() else self._waiting_state()
+        pose = reached.world_from_camera
+        if pose is not None and not np.isfinite(pose.matrix).all():
+            raise SequenceError(f"frame {frame.number}: the pose is not finite: what it brought was left out again")
+        return replace(reached, notes=self._stream.notes)
+
+    def _suffices(self) -> bool:
+        """Whether the frames that wait suffice to start."""
+        if self._moved_by_imu and not self._stream.has_samples():
+            return False
+        return self._first_seconds().suffice()
 
     def map(self) -> Map:
         """The objects as they are now: mesh, pose and its covariance; ids are tracks.
 
-        Meshes are the category's mean with its modes; `finish` fits them once more, with free form.
+        Meshes are the category's mean with its modes; `finish` fits them once more, with free form. SequenceError if
+        the graph gives no covariance.
         """
         if self._estimator is None:
             return Map(())
-        one = joined_tracks(self._estimator.landmarks, self._estimator.joined)
-        latest = {one.get(m.track, m.track): m for m in self._estimator.landmarks.values() if not m.moves}
-        covariances = self._estimator.landmark_covariances()
+        with unchanged_by_errors(self, f"{self._source}: no map"):
+            return self._mapped(self._estimator)
+
+    def _mapped(self, estimator: SlamEstimator) -> Map:
+        one = joined_tracks(estimator.landmarks, estimator.joined)
+        latest = {one.get(m.track, m.track): m for m in estimator.landmarks.values() if not m.moves}
+        covariances = estimator.landmark_covariances()
         return Map(tuple(self._map_object(id, mark, covariances[mark.number]) for id, mark in latest.items()))
 
     def trajectory(self) -> Trajectory:
@@ -285,13 +329,17 @@ class Slam:
         """
         if self._stream.last_s is None:
             raise SequenceError("nothing to save: no frame was processed yet")
+        with unchanged_by_errors(self, f"{self._source}: cannot be saved"):
+            self._save(Path(path))
+
+    def _save(self, path: Path) -> None:
         estimator = self._started()
         arrays = {f"estimator_{k}": v for k, v in estimator_to_arrays(estimator).items()}
         arrays |= {f"perception_{k}": v for k, v in self._perception.to_arrays().items()}
         if self._image_features is not None:
             arrays |= {f"features_{k}": v for k, v in self._image_features.to_arrays().items()}
         arrays |= self._own_arrays()
-        write_archive(Path(path), FORMAT, self._stream.samples(), arrays)
+        write_archive(path, FORMAT, self._stream.samples(), arrays)
         self._fill(arrays, self._stream.samples())
 
     @staticmethod
@@ -299,8 +347,28 @@ class Slam:
         """Go on where `save` was; `told` as the run was told when it was made. MapError if the file is none of its."""
         imu, arrays = read_archive(Path(path), FORMAT)
         slam = Slam(camera, **told)
-        slam._fill(arrays, imu)
+        with archive_errors(path):
+            slam._fill(arrays, imu)
         return slam
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and pickles: they hold all, but observations are linear in the copy, as in what is saved.
+
+        The original goes on as if it had not been copied; the copy's poses may differ from it by a few centimetres.
+        """
+        if self._estimator is None:
+            return dict(vars(self))
+        with unchanged(self):
+            arrays = estimator_to_arrays(self._estimator)
+        return vars(self) | {"_estimator": None, "_copied": arrays}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The reverse of `__getstate__`."""
+        arrays = state.pop("_copied", None)
+        vars(self).update(state)
+        if arrays is not None:
+            self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
+            estimator_from_arrays(self._estimator, arrays)
 
     def _own_arrays(self) -> dict[str, Any]:
         plain = {
@@ -312,6 +380,7 @@ class Slam:
             "next_number": self._stream.next_number,
             "start": asdict(self._setup.estimation.start),
             "has_images": self._image_features is not None,
+            "first_state": state_to_plain(self.first_state),
         }
         return {"own": np.array(json.dumps(plain))}
 
@@ -325,6 +394,7 @@ class Slam:
             int(f): tuple(detection_from_plain(d) for d in found) for f, found in plain["detections"].items()
         }
         self._counts, self._waiting = plain["counts"], []
+        self.first_state = state_from_plain(plain["first_state"])
         estimation = replace(self._setup.estimation, start=StartConfig(**plain["start"]))
         self._setup = replace(self._setup, estimation=estimation)
         if plain["has_images"]:
@@ -340,6 +410,8 @@ class Slam:
         if began and (image is not None) != (self._image_features is not None):
             what = "no image, but the frames before had one" if image is None else "an image, but the first had none"
             raise SequenceError(f"frame {number}: {what}: give one with every frame or with none")
+        if odometry is not None and not (isinstance(odometry, Pose) and np.isfinite(odometry.matrix).all()):
+            raise SequenceError(f"frame {number}: odometry is no finite Pose: give world_from_camera, or leave it out")
         if self._by_odometry and odometry is None:
             raise SequenceError(f"frame {number}: no odometry: give world_from_camera of every frame as odometry=…")
         if not self._moved_by_imu and not self._by_odometry and image is None:

@@ -13,6 +13,7 @@ from meshslam.geometry import Bytes, Camera, Floats
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.colour import COLOUR, ColourSegmenter
 from meshslam.perception.detections import Detection
+from meshslam.perception.given_detections import checked_detections
 from meshslam.perception.instances import Segmenter, SegmenterConfig
 from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, frame_keypoints
 from meshslam.perception.model_store import find_model
@@ -31,12 +32,15 @@ class FramePerception:
         keypoints: KeypointConfig,
         tracking: TrackerConfig,
         camera: Camera | None = None,
+        keypoint_counts: Mapping[str, int] | None = None,
     ) -> None:
         """`segmenter` is a network's file, its name in the store, `colour` for a simulated world, or any Segmenter.
 
-        A network is loaded when it is first needed. Images are to be of the `camera`'s size, where it is given.
+        A network is loaded when it is first needed. Images are to be of the `camera`'s size, where it is given;
+        `keypoint_counts` says how many key points given detections of a category have.
         """
-        self._camera = camera
+        self._camera, self._counts = camera, keypoint_counts or {}
+        self.notes: tuple[str, ...] = ()  # of the newest frame
         self._given, self._segmentation, self._keypoints = segmenter, segmentation, keypoints
         self._tracker, self._categories = OnlineTracker(tracking), tracking.categories
         self._segmenter: Segmenter | None = None
@@ -54,12 +58,16 @@ class FramePerception:
 
         Given detections that have no key points get them where there is an image, and tracks where they have none.
         `turn` (3, 3) is the homography of far points from the last frame to this one. DetectionError where there is
-        neither image nor detections; GeometryError for an image of another type or shape.
+        neither image nor detections, or where a given one cannot be used (`checked_detections`); GeometryError for an
+        image of another type or shape.
         """
+        self.notes = ()
         if image_bgr is not None:
             self._check(frame, image_bgr)
         if detections is None:
             detections = self._segmented(frame, image_bgr)
+        else:
+            detections, self.notes = checked_detections(frame, detections, self._camera, self._counts)
         if image_bgr is not None:
             detections = self._with_keypoints(detections, image_bgr)
         if all(d.track_id is not None for d in detections if d.category in self._categories) and detections:
@@ -91,6 +99,10 @@ class FramePerception:
             self._finder = KeypointFinder(self._keypoints)
         filled = frame_keypoints(detections, lambda: image_bgr, self._finder)
         return [filled.get(d.id, d) for d in detections]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For copies and pickles: networks are loaded again when they are needed."""
+        return vars(self) | {"_segmenter": None, "_finder": None}
 
     def to_arrays(self) -> dict[str, Any]:
         """All that is held, as plain arrays."""

@@ -2,7 +2,7 @@
 
 from meshslam.plausibility.camera import judge_camera
 from meshslam.plausibility.finding import Finding, Severity, errors, notes, raise_errors
-from meshslam.plausibility.imu import CleanImu, clean_imu, judge_imu
+from meshslam.plausibility.imu import CleanImu, clean_imu, frozen_samples, judge_imu, wild_samples
 from meshslam.plausibility.mounting import judge_mounting
 from meshslam.plausibility.poses import judge_poses
 from meshslam.plausibility.scale import judge_scale
@@ -16,6 +16,7 @@ __all__ = [
     "Severity",
     "clean_imu",
     "errors",
+    "frozen_samples",
     "judge_camera",
     "judge_imu",
     "judge_mounting",
@@ -24,4 +25,5 @@ __all__ = [
     "judge_times",
     "notes",
     "raise_errors",
+    "wild_samples",
 ]

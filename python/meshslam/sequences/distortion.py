@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.errors import GeometryError
 from meshslam.geometry import Bytes, Camera, Floats
+from meshslam.sequences.images import MAX_PIXELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,9 @@ class Distortion:
     _maps: tuple[Floats, ...] = field(init=False, repr=False, default=())
 
     def __post_init__(self) -> None:
+        size = max(camera.width * camera.height for camera in (self.raw_camera, self.camera))
+        if size > MAX_PIXELS:
+            raise GeometryError(f"an image of {size} pixels: more than {MAX_PIXELS} are not undistorted")
         pixels = _pixel_grid(self.camera)
         if not self._invertible():
             raise GeometryError(

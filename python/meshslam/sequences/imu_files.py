@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from meshslam.geometry import Camera, Pose
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples, Sequence
-from meshslam.sequences.text import check_increasing, numbers_of, pose_of, read_csv, read_text, read_yaml
+from meshslam.sequences.text import check_increasing, numbers_of, parsed_yaml, pose_of, read_csv, read_text, read_yaml
 
 IMU_COLUMNS = ("timestamp", "wx", "wy", "wz", "ax", "ay", "az")
 
@@ -115,10 +114,7 @@ def _parsed(path: Path) -> dict[str, Any] | list[Any]:
     text = read_text(path)
     if not text.lstrip().startswith("["):
         return read_yaml(path)
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise fail(path, "", f"cannot be read: {' '.join(str(error).split())}") from None
+    content = parsed_yaml(path, text)
     return content if isinstance(content, list) else {}
 
 

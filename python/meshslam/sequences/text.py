@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,10 @@ from meshslam.geometry import Floats, Pose, nearest_rotation
 from meshslam.sequences.report import Report, fail
 
 _EXACT, _ROUNDED = 1e-4, 1e-2  # by which a rotation's columns may be off orthonormal: three decimals make 2e-3
+
+_MAX_ALIASES = 24  # nested ones multiply: so many make 3^8 times as much at most
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 4, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +115,38 @@ def read_yaml(path: Path) -> dict[str, Any]:
     text = read_text(path)
     if text.startswith("%YAML:"):
         text = "\n" + text.partition("\n")[2]
-    try:
-        content = yaml.safe_load(text.replace("!!opencv-matrix", ""))
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}" if mark else ""
-        raise fail(path, where, f"not valid YAML: {getattr(error, 'problem', None) or error}") from None
+    content = parsed_yaml(path, text.replace("!!opencv-matrix", ""))
     if not isinstance(content, dict):
         raise fail(path, "", "expected `key: value` lines")
     return {str(key): value for key, value in content.items()}
+
+
+def parsed_yaml(path: Path, text: str) -> Any:  # noqa: ANN401 # what YAML holds
+    """The document; SequenceError in one line for what is no YAML, or would grow without bounds when it is unpacked."""
+    try:
+        _check_aliases(path, text)
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}" if mark else ""
+        raise fail(path, where, f"not valid YAML: {_short(getattr(error, 'problem', None) or error)}") from None
+    except RecursionError:
+        raise fail(path, "", "not valid YAML: nested too deeply") from None
+    except (ValueError, OverflowError) as error:  # dates that are none, numbers of thousands of digits
+        raise fail(path, "", f"not valid YAML: {_short(error)}") from None
+
+
+def _check_aliases(path: Path, text: str) -> None:
+    """Refuse more aliases (*name) than files have: each may stand for many others, and 1 kB unpacks to gigabytes."""
+    if "*" not in text:
+        return
+    lines = [t.start_mark.line for t in yaml.scan(text) if isinstance(t, yaml.AliasToken)]
+    if len(lines) > _MAX_ALIASES:
+        raise fail(path, f"line {lines[_MAX_ALIASES] + 1}", f"more than {_MAX_ALIASES} aliases (*name): write them out")
+
+
+def _short(said: object) -> str:
+    return " ".join(str(said).split())[:150]
 
 
 def numbers_of(path: Path, key: str, value: object) -> Floats:
@@ -128,10 +156,10 @@ def numbers_of(path: Path, key: str, value: object) -> Floats:
             array = np.asarray(value["data"], float).reshape(int(value["rows"]), int(value["cols"]))
         else:
             array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise fail(path, key, f"expected numbers, found {value!r}") from None
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise fail(path, key, f"expected numbers, found {_SHORT.repr(value)}") from None
     if not np.isfinite(array).all():
-        raise fail(path, key, f"expected finite numbers, found {value!r}")
+        raise fail(path, key, f"expected finite numbers, found {_SHORT.repr(value)}")
     return array
 
 
