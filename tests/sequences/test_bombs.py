@@ -5,11 +5,11 @@ import zipfile
 
 import numpy as np
 import pytest
+from meshslam.sequences.detection_schema import _document
 
 from meshslam.categories import load_category
 from meshslam.errors import CategoryError, GeometryError, SequenceError
 from meshslam.geometry import Camera
-from meshslam.sequences.detection_schema import _document
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.text import numbers_of, read_yaml
 

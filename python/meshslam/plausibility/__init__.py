@@ -6,6 +6,7 @@ from meshslam.plausibility.imu import CleanImu, clean_imu, frozen_samples, judge
 from meshslam.plausibility.mounting import judge_mounting
 from meshslam.plausibility.poses import judge_poses
 from meshslam.plausibility.scale import judge_scale
+from meshslam.plausibility.sizes import judge_sizes
 from meshslam.plausibility.times import FRAME_STEP_S, SAMPLE_STEP_S, judge_times
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "judge_mounting",
     "judge_poses",
     "judge_scale",
+    "judge_sizes",
     "judge_times",
     "notes",
     "raise_errors",

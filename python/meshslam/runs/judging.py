@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import DetectionError
+from meshslam.maps import Map
 from meshslam.perception import DetectionSet, read_recorded_detections
 from meshslam.plausibility import (
     FRAME_STEP_S,
@@ -16,6 +17,7 @@ from meshslam.plausibility import (
     judge_mounting,
     judge_poses,
     judge_scale,
+    judge_sizes,
     judge_times,
     notes,
     raise_errors,
@@ -89,6 +91,11 @@ def judge_tracks(recording: Sequence, tracked: DetectionSet) -> list[Finding]:
     poses = dict(zip(recording.frame_ids, recording.world_from_camera, strict=True))
     source = source_of(recording, "poses.tum")
     return judge_scale(recording.camera, poses, tracked.by_track(), HEIGHT_M, source)
+
+
+def judge_map(scene: Map, source: str) -> list[Finding]:
+    """Whether a map's objects have the sizes of what they are called."""
+    return judge_sizes({f"object {n}": (thing.category, thing.dimensions) for n, thing in scene.items()}, source)
 
 
 def say(findings: list[Finding], outlet: Outlet) -> None:
