@@ -114,7 +114,9 @@ def test_what_a_path_suffers_from_is_noted(drive, tmp_path):
     gap = _changed(drive, tmp_path / "gap", lambda rows: rows[:10] + rows[30:])
     found = json.loads((gap / "detections.json").read_text())
     (gap / "detections.json").write_text(json.dumps({**found, "annotations": []}))
-    said = done("localize", gap, "--map", drive / "objects.json", "--out", tmp_path / "run").stderr
+    run = meshslam("localize", gap, "--map", drive / "objects.json", "--out", tmp_path / "run")
+    assert run.returncode == 3  # nothing was used
+    said = run.stderr
     assert "no IMU samples from 0.09 s to 0.30 s" in said
     assert "no object is detected in any frame" in said
 

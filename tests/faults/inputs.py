@@ -19,7 +19,8 @@ def make_inputs(folder):
     shutil.rmtree(drive / "images")
     small = {"frames": 2, "width_px": 160, "height_px": 60, "focal_px": 95.0, "cars_each_side": 1, "moving_cars": 0}
     (folder / "small.yaml").write_text(yaml.safe_dump({"street": small}))
-    (folder / "settings.yaml").write_text("objects: {edge_margin_px: 8}\nlocalization: {edge_margin_px: 8}\n")
+    for name, part in (("map", "objects"), ("localize", "localization"), ("slam", "objects")):
+        (folder / f"{name}.yaml").write_text(f"expert: {{{part}: {{edge_margin_px: 8}}}}\n")
     colour_network(folder / "net.onnx")
     return drive
 
@@ -34,7 +35,7 @@ def cases_of(folder, zygote, memory=None):
         out = folder / f"{name}.run"
         command = [name, drive, *more, "--out", out]
         found.append(Case(name, command, out))
-        old = _kept(zygote, [*command, "--config", folder / "settings.yaml"], out, memory)
+        old = _kept(zygote, [*command, "--config", folder / f"{name}.yaml"], out, memory)
         found.append(Case(f"{name} --overwrite", [*command, "--overwrite"], out, old))
     street = folder / "street"
     draw = ["simulate", street, "--config", folder / "small.yaml", "--hidden-poses"]

@@ -54,7 +54,7 @@ def test_each_field_of_the_noise_is_read_by_its_name(model, name):
     with pytest.raises(GeometryError, match=f"a noise model is not complete: .*no attribute '{name}'"):
         _refine(model, None, _without(asdict(NOISE), name))
     with pytest.raises(GeometryError, match=f"the noise model's {name} must .*, found -1"):
-        _refine(model, None, replace(NOISE, **{name: -1.0}))
+        _refine(model, None, SimpleNamespace(**{**asdict(NOISE), name: -1.0}))
 
 
 @pytest.mark.parametrize("name", ["normal", "offset_m", "height_sigma_m", "tilt_sigma_rad"])

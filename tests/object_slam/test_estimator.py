@@ -121,7 +121,7 @@ def test_every_landmark_that_is_observed_stands_on_the_road_by_one_factor(copied
 def test_wheels_are_as_far_below_the_camera_as_its_height_is_told(copied, drive, seen, height_m):
     """A road that is known to a millimetre, against observations that say 1.67 m."""
     exact = replace(ObjectConfig(), ground_height_sigma_m=1e-3, ground_slope_sigma=0.0)
-    estimator = copied(objects=exact, height_above_ground_m=height_m, nearer=1e9)
+    estimator = copied(objects=exact, height_above_ground_m=height_m, nearer=0.9999)
     for index in (SAVED, SAVED + 1):
         report = estimator.process(index, float(drive.times_s[index]), drive.imu, seen.by_frame()[index])
     for number in report.objects:

@@ -96,7 +96,7 @@ def closes(marks, at, joined=(), config=CONFIG):
 @pytest.mark.parametrize(("distance_m", "radius_m"), [(0.0, 1.0), (100.0, 3.0), (300.0, 7.0), (5000.0, 12.0)])
 def test_the_search_radius_grows_with_the_distance_up_to_a_limit(distance_m, radius_m):
     at = OdometryFrame(Pose.identity(), distance_m)
-    spread = replace(CONFIG, apart_m=0.1)
+    spread = replace(CONFIG, min_separation_m=0.1)
     assert closes(drifted(0.95 * radius_m), at, config=spread)
     assert not closes(drifted(1.05 * radius_m), at, config=spread)
 

@@ -5,11 +5,11 @@ import zipfile
 
 import numpy as np
 import pytest
-from meshslam.sequences.detection_schema import _document
 
 from meshslam.categories import load_category
-from meshslam.errors import CategoryError, GeometryError, SequenceError
+from meshslam.errors import CategoryError, DetectionError, GeometryError, SequenceError
 from meshslam.geometry import Camera
+from meshslam.perception import read_detections
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.text import numbers_of, read_yaml
 
@@ -56,8 +56,8 @@ def test_some_aliases_are_read(tmp_path):
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a": ' + "9" * 10_000 + "}", "{"])
 def test_json_is_refused_in_one_line(tmp_path, text):
     (tmp_path / "detections.json").write_text(text)
-    with pytest.raises(SequenceError, match="not valid JSON") as caught:
-        _document(tmp_path / "detections.json")
+    with pytest.raises(DetectionError, match="JSON") as caught:
+        read_detections(tmp_path / "detections.json")
     assert "\n" not in str(caught.value)
 
 

@@ -10,20 +10,23 @@ from meshslam.errors import ModelError
 from meshslam.files import digest_of, digest_of_file
 from meshslam.maps import Map
 from meshslam.perception import find_model
+from meshslam.runs.commands import uses
 from meshslam.runs.config import Config
 from meshslam.sequences import Sequence
 
 
-def input_digests(recording: Sequence, settings: Config) -> dict[str, str]:
+def input_digests(command: str, recording: Sequence, settings: Config) -> dict[str, str]:
     """Digests of everything that an estimate is made from, by what it is called; OSError if a file cannot be read."""
     given, chosen = recording.detections_path, settings.input
-    found = recording_digests(recording) | {"category": digest_of(load_category(chosen.category))}
+    found = recording_digests(recording)
+    if uses(command, "input.category"):
+        found["category"] = digest_of(load_category(chosen.category))
     if recording.image_paths is not None:
         found["images"] = digest_of(image_digests(recording))
         found |= network_digests(recording, settings)
     if given is not None and chosen.segmenter is None and given.is_file():
         found["detections"] = digest_of_file(given)
-    if chosen.map is not None:
+    if uses(command, "input.map") and chosen.map is not None:
         found["map"] = digest_of(Map.load(Path(chosen.map)).objects)
     return found
 

@@ -79,7 +79,7 @@ class Begun:
 def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> Iterator[Begun]:
     """Open recording and run directory for the block; MapError if another run, or another process, has the folder."""
     recording = open_input(settings.input, use_imu=command != "map")
-    inputs = input_digests(recording, settings)
+    inputs = input_digests(command, recording, settings)
     RunDirectory.claim(out)
     with locked(out / LOCK, str(out)):
         run = RunDirectory.start(
