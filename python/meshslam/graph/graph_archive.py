@@ -25,7 +25,7 @@ _WIDTHS = {"x": 6, "o": 6, "b": 6, "e": 3}  # of a step; a vector's is its own
 def values_to_arrays(values: gtsam.Values) -> Arrays:
     """Each kind of variable stacked, beside its numbers."""
     kinds: dict[str, list[int]] = {}
-    for key in values.keys():  # no mapping  # noqa: SIM118 # no mapping
+    for key in values.keys():  # noqa: SIM118 # no mapping
         kinds.setdefault(_kind(key), []).append(key)
     arrays: Arrays = {}
     for kind, keys in kinds.items():
@@ -56,7 +56,7 @@ def _plain(values: gtsam.Values, key: int) -> Floats:
     return values.atRot3(key).matrix() if kind == "e" else values.atConstantBias(key).vector()
 
 
-def _variable(kind: str, row: Floats) -> Any:  # one of GTSAM's types  # noqa: ANN401 # one of GTSAM's types
+def _variable(kind: str, row: Floats) -> Any:  # noqa: ANN401 # one of GTSAM's types
     if kind in _POSES:
         return gtsam.Pose3(row)
     if kind == "e":

@@ -103,8 +103,8 @@ def first_box_observations(
     if not observations:
         raise SequenceError(
             f"{first.source}: no start: there is no initial_state.yaml, and no object is seen whole in "
-            f"{_MIN_OBSERVATIONS} of the first {frames} frames: give initial_state.yaml (FORMATS), or begin where objects "  # noqa: E501
-            "are in view"
+            f"{_MIN_OBSERVATIONS} of the first {frames} frames: give initial_state.yaml (docs/formats.md), or begin "
+            "where objects are in view"
         )
     return observations
 

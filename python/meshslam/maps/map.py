@@ -141,7 +141,7 @@ def _sigma_summary(thing: MapObject) -> dict[str, Any] | None:
     return {name: _numbers(float(value)) for name, value in figures.items()}
 
 
-def _numbers(values: AnyArray | float) -> Any:  # a number, or nested lists of them  # noqa: ANN401 # a number, or nested lists of them
+def _numbers(values: AnyArray | float) -> Any:  # noqa: ANN401 # a number, or nested lists of them
     """Round, and give plain numbers, never -0."""
     return (np.round(np.asarray(values, float), DECIMALS) + 0.0).tolist()
 
@@ -195,7 +195,7 @@ def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
     return _named(file, lambda: MapObject(**fields)).recentred()
 
 
-def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # as JSON has it  # noqa: ANN401 # as JSON has it
+def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 # as JSON has it
     if entry.get(key) is None:
         raise MapError(f"{where}: {key}: key is missing")
     return entry[key]

@@ -76,7 +76,7 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
         estimator.candidates[row["track"]] = Candidate(observations, row["next_try"])
 
 
-def _pose(matrix: Any) -> Pose:  # nested lists  # noqa: ANN401 # nested lists
+def _pose(matrix: Any) -> Pose:  # noqa: ANN401 # nested lists
     return Pose.from_matrix(np.array(matrix, float))
 
 

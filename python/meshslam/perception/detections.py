@@ -1,4 +1,4 @@
-"""Detections of objects in images, and how they are written: the contract of FORMATS.md's detections.json."""
+"""Detections of objects in images, and how they are written: the contract of docs/formats.md: detections.json."""
 
 from __future__ import annotations
 

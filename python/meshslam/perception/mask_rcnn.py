@@ -41,7 +41,7 @@ class MaskRcnnLayout:
         return dict(COCO_NUMBERS) if self.pasted else dict(enumerate(COCO_CLASSES, start=1))
 
 
-def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # untyped package  # noqa: ANN401 # untyped package
+def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # noqa: ANN401 # untyped package
     """The layout of outputs boxes (N, 4), labels (N), scores (N), masks (N, 1, h, w); None for others."""
     outputs, place = session.get_outputs(), {}
     for i, output in enumerate(outputs):

@@ -33,7 +33,7 @@ SCORE_OF_VISIBILITY = {0: 0.0, 1: 0.5, 2: 0.95}  # COCO's v where no scores are 
 
 
 def read_detections(path: Path) -> DetectionSet:
-    """Read a detection file as FORMATS.md describes it.
+    """Read a detection file as docs/formats.md describes it.
 
     A missing `score` is 1, a missing `bbox` the mask's own. Missing `keypoint_scores` follow from v: 0.95 for 2, 0.5
     for 1, 0 for 0. A negative `track_id` is none. Key points outside the image carry no information, confidences above

@@ -26,7 +26,7 @@ class YoloSegmenter:
 
     keypoint_names: tuple[str, ...] = ()
 
-    def __init__(self, path: Path, session: Any, config: SegmenterConfig) -> None:  # untyped package  # noqa: ANN401 # untyped package
+    def __init__(self, path: Path, session: Any, config: SegmenterConfig) -> None:  # noqa: ANN401 # untyped package
         self.path, self.config, self._session = path, config, session
         self._input, self._dtype, self._static = _input_of(path, session)
         height, width = self._static or (64, 64)
@@ -119,7 +119,7 @@ def _up_to_stride(length: float) -> int:
     return max(32, int(np.ceil(length / 32)) * 32)
 
 
-def _input_of(path: Path, session: Any) -> tuple[str, type, tuple[int, int] | None]:  # untyped package  # noqa: ANN401 # untyped package
+def _input_of(path: Path, session: Any) -> tuple[str, type, tuple[int, int] | None]:  # noqa: ANN401 # untyped package
     """Name, type and (height, width) of the one image input; None where the network leaves the size open."""
     inputs = session.get_inputs()
     types = {"tensor(float)": np.float32, "tensor(float16)": np.float16}

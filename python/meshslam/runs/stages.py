@@ -146,7 +146,7 @@ def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: R
 
 
 def figures(recording: Sequence, mapping: ObjectMapping, clock: Clock) -> dict[str, float]:
-    """The run's own figures, as FORMATS names them."""
+    """The run's own figures, as docs/formats.md names them."""
     tracks = {d.track_id for d in mapping.detections.detections if d.track_id is not None}
     rows: dict[str, float] = {
         "objects_mapped": len(mapping.map.objects),

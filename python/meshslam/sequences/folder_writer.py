@@ -1,4 +1,4 @@
-"""Writes sequence folders as FORMATS.md has them."""
+"""Writes sequence folders as docs/formats.md has them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A street as a sequence folder with its truth beside it (FORMATS.md)."""
+"""A street as a sequence folder with its truth beside it (docs/formats.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Detections of other tools, brought to the contract of FORMATS.md's detections.json."""
+"""Detections of other tools, brought to the contract of docs/formats.md: detections.json."""
 
 from meshslam.perception.conversion.class_numbers import read_class_names
 from meshslam.perception.conversion.coco_results import counted_from_one, from_coco_results

@@ -153,7 +153,7 @@ def _box(mask: Bytes) -> tuple[float, float, float, float]:
     return float(x), float(y), float(w), float(h)
 
 
-def _session(path: Path, threads: int) -> Any:  # untyped package  # noqa: ANN401 # untyped package
+def _session(path: Path, threads: int) -> Any:  # noqa: ANN401 # untyped package
     import onnxruntime  # slow to import: only those who need key points wait for it
 
     if not path.is_file():
