@@ -220,3 +220,24 @@ def test_problems_name_file_object_and_key(tmp_path, a_map, name):
 def test_an_object_that_is_none_is_refused(make_object, changes):
     with pytest.raises(MapError, match="object 1: "):
         make_object(**changes)
+
+
+def test_a_map_opens_no_mesh_outside_its_folder_unless_it_may(tmp_path, a_map):
+    a_map.save(tmp_path / "other")
+    (tmp_path / "map" / "objects").mkdir(parents=True)
+    document = json.loads((tmp_path / "other" / "map.json").read_text())
+    document["objects"] = document["objects"][:1]
+    mesh, file = tmp_path / "other" / document["objects"][0]["mesh"], tmp_path / "map" / "map.json"
+    (tmp_path / "map" / "link.ply").symlink_to(mesh)
+    for name in (str(mesh), f"../other/{document['objects'][0]['mesh']}", "link.ply"):
+        document["objects"][0]["mesh"] = name
+        file.write_text(json.dumps(document))
+        with pytest.raises(MapError, match="outside the map's folder: --allow-outside"):
+            Map.load(file)
+        assert len(Map.load(file, allow_outside=True)) == 1
+    (tmp_path / "map" / "loop.ply").symlink_to("loop.ply")
+    for name in ("loop.ply", "a\0b"):
+        document["objects"][0]["mesh"] = name
+        file.write_text(json.dumps(document))
+        with pytest.raises(MapError):
+            Map.load(file)

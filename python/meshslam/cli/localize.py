@@ -31,6 +31,9 @@ def localize(
     sequence: SequenceFolder = None,
     map_path: Annotated[Path | None, typer.Option("--map", help="A run, its map.json, or an objects.json.")] = None,
     out: RunFolder = Path("run"),
+    allow_outside: Annotated[
+        bool, typer.Option("--allow-outside", help="Read meshes outside the map's folder.")
+    ] = False,
     imu: ImuFile = None,
     imu_from_camera: Extrinsics = None,
     segmenter: Segmenter = None,
@@ -59,6 +62,7 @@ def localize(
         read_config(config, "localize"),
         sequence=sequence,
         map=map_path,
+        allow_outside=allow_outside or None,
         imu=imu,
         imu_from_camera=imu_from_camera,
         segmenter=segmenter,

@@ -82,8 +82,12 @@ class Map(Mapping[int, MapObject]):
                 (folder / name).unlink(missing_ok=True)
 
     @staticmethod
-    def load(path: Path | str) -> Map:
-        """Read a run directory, its map.json, or an objects.json; MapError naming the file, the object and the key."""
+    def load(path: Path | str, *, allow_outside: bool = False) -> Map:
+        """Read a run directory, its map.json, or an objects.json; MapError naming the file, the object and the key.
+
+        Meshes outside the file's folder are read with `allow_outside` only, so that a map from elsewhere opens nothing
+        but its own files.
+        """
         path = Path(path)
         file = path / "map.json" if path.is_dir() else path
         document = _read_json(file)
@@ -93,7 +97,7 @@ class Map(Mapping[int, MapObject]):
         if document.get("format", FORMAT) != FORMAT or document.get("version", VERSION) != VERSION:
             found = f"{document.get('format')!r} version {document.get('version')!r}"
             raise MapError(f"{file}: format: found {found}, expected {FORMAT!r} version {VERSION}")
-        objects = tuple(_read_entry(file, i, entry) for i, entry in enumerate(entries))
+        objects = tuple(_read_entry(file, i, entry, allow_outside=allow_outside) for i, entry in enumerate(entries))
         return _named(file, lambda: Map(objects))
 
 
@@ -158,7 +162,7 @@ def _read_json(file: Path) -> Mapping[str, Any]:
     return document
 
 
-def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
+def _read_entry(file: Path, index: int, entry: Mapping[str, Any], *, allow_outside: bool) -> MapObject:
     where = f"{file}: objects[{index}]"
     number, category, name = (_needed(where, entry, key) for key in ("id", "category", "mesh"))
     if (
@@ -176,7 +180,7 @@ def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
     keypoints, covariance = entry.get("keypoints") or {}, entry.get("pose_covariance")
     if not isinstance(keypoints, dict):
         raise MapError(f"{where}: keypoints: expected names with x, y, z")
-    mesh = read_mesh(file.parent / name)
+    mesh = read_mesh(_mesh_path(file, name, where, allow_outside=allow_outside))
     fields: dict[str, Any] = dict(
         id=number,
         category=category,
@@ -193,6 +197,18 @@ def _read_entry(file: Path, index: int, entry: Mapping[str, Any]) -> MapObject:
         vertex_observed=mesh.observed,
     )
     return _named(file, lambda: MapObject(**fields)).recentred()
+
+
+def _mesh_path(file: Path, name: str, where: str, *, allow_outside: bool) -> Path:
+    """Where a mesh is; MapError if that is outside the map's folder, also by a link."""
+    path = file.parent / name
+    try:
+        inside = path.resolve().is_relative_to(file.parent.resolve())
+    except (OSError, ValueError, RuntimeError):  # circles of links, names that no file can have
+        raise MapError(f"{where}: mesh: {name[:60]!r} is no file's name that can be read") from None
+    if not inside and not allow_outside:
+        raise MapError(f"{where}: mesh: {name[:60]!r} is outside the map's folder: --allow-outside reads it")
+    return path
 
 
 def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 # as JSON has it

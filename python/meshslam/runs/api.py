@@ -86,7 +86,10 @@ def localize(
 
     """
     recording, settings, outlet = _opened(drive, segmenter, None, config, progress)
-    scene, clock = map if isinstance(map, Map) else Map.load(Path(map)), stages.Clock()
+    scene, clock = (
+        map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside),
+        stages.Clock(),
+    )
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
     figures = stages.run_figures(found.figures, len(recording), clock)

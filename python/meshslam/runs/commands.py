@@ -18,7 +18,7 @@ _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
     "detect": (*_RECORDING, *_PERCEPTION),
     "map": (*_SEEN, *_OBJECTS, "rotations"),
-    "localize": (*_SEEN, "input.map", "estimation", "localization"),
+    "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
     "slam": (*_SEEN, *_OBJECTS, "estimation", "slam"),
     "reproduce views": ("objects",),
     "reproduce localization": ("estimation", "localization"),

@@ -27,6 +27,7 @@ class InputConfig(Settings):
     category_names: tuple[str, ...] = public((), doc="classes of the detections that are others of ours: vehicle=car")
     category: str = public("car", doc="category to map: a shipped one, or a file (.npz)")
     map: str | None = public(None, doc="a run, its map.json, or an objects.json")
+    allow_outside: bool = public(False, doc="read meshes of the map that are outside its folder")
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
     imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
     poses_convention: Convention = public("camera", doc="what poses.tum holds: world_from_camera with z up, or another")

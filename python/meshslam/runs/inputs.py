@@ -27,7 +27,7 @@ def input_digests(command: str, recording: Sequence, settings: Config) -> dict[s
     if given is not None and chosen.segmenter is None and given.is_file():
         found["detections"] = digest_of_file(given)
     if uses(command, "input.map") and chosen.map is not None:
-        found["map"] = digest_of(Map.load(Path(chosen.map)).objects)
+        found["map"] = digest_of(Map.load(Path(chosen.map), allow_outside=chosen.allow_outside).objects)
     return found
 
 

@@ -45,7 +45,7 @@ def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool
     """Localize, save, evaluate, report, into a run directory: what is there already is not done again."""
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
-    scene = Map.load(Path(settings.input.map))
+    scene = Map.load(Path(settings.input.map), allow_outside=settings.input.allow_outside)
     with stages.begin("localize", settings, out, outlet, overwrite=overwrite) as begun:
         return begun.figures or _localize_into(begun, scene, settings, outlet)
 
