@@ -234,9 +234,16 @@ def _bound(bound: Bound) -> str:
     return bound if isinstance(bound, str) else f"{bound:g}"
 
 
+_LONGEST_SHOWN = 100  # characters
+
+
 def _shown(value: object) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float):
         return repr(float(value)).removesuffix(".0")
-    return repr(list(value) if isinstance(value, tuple) else value)
+    try:
+        text = repr(list(value) if isinstance(value, tuple) else value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."

@@ -70,3 +70,13 @@ def test_nan_and_wrong_corners_are_errors(tmp_path, mesh):
     (tmp_path / "a.ply").write_bytes(format_ply(PlyMesh(mesh.vertices, mesh.faces + 600)))
     with pytest.raises(MapError, match=r"a\.ply: "):
         read_mesh(tmp_path / "a.ply")
+
+
+def test_gltf_meshes_are_turned_z_up_and_what_is_not_read_right_is_refused(tmp_path):
+    box = trimesh.creation.box((4.0, 1.5, 2.0))  # y up
+    box.export(tmp_path / "car.glb")
+    assert np.allclose(np.ptp(read_mesh(tmp_path / "car.glb").vertices, axis=0), [4.0, 2.0, 1.5])
+    content = (tmp_path / "car.glb").read_bytes()
+    (tmp_path / "car.glb").write_bytes(content.replace(b'"componentType":5126', b'"componentType":5122'))
+    with pytest.raises(MapError, match="KHR_mesh_quantization"):
+        read_mesh(tmp_path / "car.glb")

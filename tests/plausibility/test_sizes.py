@@ -30,3 +30,7 @@ def test_a_car_that_stands_on_end_is_said():
     (finding,) = found(turn=[1, 2, 0])
     assert finding.code == "map_up_axis"
     assert "z up" in finding.message
+
+
+def test_a_car_that_lies_across_is_said():
+    assert found(turn=[1, 0, 2])[0].code == "map_up_axis"

@@ -11,11 +11,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from meshslam.categories.gltf_check import SUFFIXES, check_gltf
 from meshslam.categories.mesh_parts import object_count, without_shadow_planes
 from meshslam.categories.mesh_solid import surface_points
-from meshslam.errors import CategoryError
-from meshslam.geometry import Floats, Ints
+from meshslam.errors import CategoryError, GeometryError
+from meshslam.geometry import Floats, Ints, check_gltf, is_gltf
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AxisOrAuto = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
@@ -45,7 +44,10 @@ def read_mesh(path: Path, scale: float = 1.0) -> NamedMesh:
     """Read any triangle mesh that trimesh knows, with equal vertices joined; CategoryError says what is wrong."""
     if not path.is_file():
         raise CategoryError(f"no mesh file at {path}")
-    check_gltf(path)
+    try:
+        check_gltf(path)
+    except GeometryError as error:
+        raise CategoryError(str(error)) from None
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # each of trimesh's readers fails in its own way
@@ -88,8 +90,7 @@ def cleaned(mesh: NamedMesh, up: Axis) -> tuple[NamedMesh, list[str]]:
 
 def axes_of(mesh: NamedMesh, path: Path, forward: AxisOrAuto, up: AxisOrAuto) -> tuple[Axis, Axis, str | None]:
     """Forward and up of a file: as given, else by its format, with a note: glTF is y up; all others are x, z."""
-    is_gltf = path.suffix.lower() in SUFFIXES
-    chosen_up: Axis = up if up != "auto" else "y" if is_gltf else "z"
+    chosen_up: Axis = up if up != "auto" else "y" if is_gltf(path) else "z"
     if forward != "auto":
         chosen: Axis = forward
     elif chosen_up[-1] == "y":
@@ -97,7 +98,7 @@ def axes_of(mesh: NamedMesh, path: Path, forward: AxisOrAuto, up: AxisOrAuto) ->
         chosen = "x" if length_x > length_z else "z"
     else:
         chosen = "x" if chosen_up[-1] != "x" else "y"
-    if not is_gltf or "auto" not in (forward, up):
+    if not is_gltf(path) or "auto" not in (forward, up):
         return chosen, chosen_up, None
     return chosen, chosen_up, f"{mesh.name}: a glTF file: {chosen_up} is up, {chosen} ahead (--up, --forward)"
 

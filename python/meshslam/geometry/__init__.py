@@ -2,6 +2,7 @@
 
 from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
 from meshslam.geometry.camera import Camera
+from meshslam.geometry.gltf_check import check_gltf, is_gltf
 from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
 from meshslam.geometry.mask_iou_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
 from meshslam.geometry.object_model import (
@@ -59,6 +60,7 @@ __all__ = [
     "SquareRoot",
     "View",
     "camera_points",
+    "check_gltf",
     "cotangent_weights",
     "coverage",
     "cross_matrix",
@@ -66,6 +68,7 @@ __all__ = [
     "geman_mcclure",
     "geman_mcclure_soft",
     "hat",
+    "is_gltf",
     "kabsch",
     "kato_pixel_gradient",
     "keypoint_loss",

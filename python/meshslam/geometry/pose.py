@@ -42,7 +42,9 @@ class Pose:
         """
         m = np.asarray(matrix, float)
         if m.shape != (4, 4) or not np.isfinite(m).all():
-            raise GeometryError(f"a pose is a finite 4x4 matrix, found shape {m.shape} with values {m.tolist()}")
+            raise GeometryError(
+                f"a pose is a finite 4x4 matrix, found shape {m.shape} with values {str(m.tolist())[:80]}"
+            )
         r = m[:3, :3]
         if np.abs(r.T @ r - np.eye(3)).max() > 1e-4 or np.linalg.det(r) < 0:
             raise GeometryError(f"a pose's rotation must be orthonormal with determinant 1, found {r.tolist()}")

@@ -16,6 +16,7 @@ from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.manifest import written_meshes
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
+from meshslam.sequences import LARGEST
 
 Made = TypeVar("Made")
 FORMAT, VERSION = "meshslam-map", 1
@@ -220,15 +221,15 @@ def _needed(where: str, entry: Mapping[str, Any], key: str) -> Any:  # noqa: ANN
 def _whole(where: str, entry: Mapping[str, Any], key: str) -> int | None:
     value = entry.get(key)
     if value is not None and (not isinstance(value, int) or isinstance(value, bool)):
-        raise MapError(f"{where}: {key}: expected a whole number, found {value!r}")
+        raise MapError(f"{where}: {key}: expected a whole number, found {repr(value)[:60]}")
     return value
 
 
 def _array(where: str, key: str, value: object) -> Floats:
     try:
         array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise MapError(f"{where}: {key}: expected numbers, found {value!r}") from None
-    if not np.isfinite(array).all():
-        raise MapError(f"{where}: {key}: expected finite numbers")
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise MapError(f"{where}: {key}: expected numbers, found {repr(value)[:60]}") from None
+    if not (np.abs(array) < LARGEST).all():
+        raise MapError(f"{where}: {key}: expected finite numbers below {LARGEST:g}")
     return array

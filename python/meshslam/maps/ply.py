@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from meshslam.errors import MapError
-from meshslam.geometry import AnyArray, Bools, Floats, Ints
+from meshslam.errors import GeometryError, MapError
+from meshslam.geometry import AnyArray, Bools, Floats, Ints, check_gltf, is_gltf
 
 DECIMALS = 9
+_Z_UP_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +52,30 @@ def format_ply(mesh: PlyMesh) -> bytes:
 
 
 def read_mesh(path: Path) -> PlyMesh:
-    """Read a PLY, or any mesh file that trimesh knows; MapError if it is missing, damaged, empty or holds NaN."""
+    """Read a PLY, or any mesh file that trimesh knows; MapError if it is missing, damaged, empty or holds NaN.
+
+    glTF is y up: it is turned so that z is.
+    """
     if not path.is_file():
         raise MapError(f"{path}: no such mesh")
     try:
+        check_gltf(path)
+    except GeometryError as error:
+        raise MapError(str(error)) from None
+    try:
         mesh = trimesh.load_mesh(path, process=False)
+        mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         vertices, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
         extra = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
         sigma, observed = _column(extra, "sigma_m"), _column(extra, "observed")
     except Exception as error:  # trimesh raises whatever its parsers do
-        raise MapError(f"{path}: cannot be read as a mesh: {error}") from None
+        raise MapError(f"{path}: cannot be read as a mesh: {' '.join(str(error).split())[:100]}") from None
     if not len(vertices) or not len(faces):
         raise MapError(f"{path}: holds no triangles")
     if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
         raise MapError(f"{path}: holds NaN, or a face whose corner is no vertex")
+    if is_gltf(path):
+        vertices = vertices @ _Z_UP_FROM_Y_UP.T
     return PlyMesh(vertices, faces, sigma, None if observed is None else observed > 0.5)
 
 

@@ -12,7 +12,7 @@ from meshslam.plausibility.finding import Finding
 SIZES_M = (0.05, 60.0)  # longest side of anything that is mapped
 VEHICLE_LENGTHS_M = {"car": (2.0, 8.0), "truck": (3.0, 25.0), "bus": (4.0, 25.0)}
 _UNITS = (("centimetres", 100.0), ("millimetres", 1000.0), ("inches", 1 / 0.0254), ("feet", 1 / 0.3048))
-_UPRIGHT = 1.3  # by which the height of a vehicle exceeds its length where another axis is up
+_UPRIGHT = 1.3  # by which height or width of a vehicle exceeds its length where the axes are others
 
 
 def judge_sizes(dimensions: Mapping[str, tuple[str, Floats]], source: str) -> list[Finding]:
@@ -30,8 +30,8 @@ def judge_sizes(dimensions: Mapping[str, tuple[str, Floats]], source: str) -> li
         return []
     name, size = tilted[0]
     message = (
-        f"{source}: {len(tilted)} of {len(dimensions)} vehicles are higher than they are long (first: {name}, "
-        f"{size[2]:.2f} m high): meshes are x forward, y left, z up; turn them if y is up"
+        f"{source}: {len(tilted)} of {len(dimensions)} vehicles are higher or wider than they are long (first: {name}, "
+        f"{' x '.join(f'{side:.2f}' for side in size)} m): meshes are x forward, y left, z up; turn them"
     )
     return [Finding("map_up_axis", message, figures={"objects": float(len(tilted))})]
 
@@ -42,7 +42,7 @@ def _fits(category: str, size: Floats) -> bool:
 
 
 def _stands(category: str, size: Floats) -> bool:
-    return category in VEHICLE_LENGTHS_M and bool(size[2] > _UPRIGHT * size[0])
+    return category in VEHICLE_LENGTHS_M and bool(max(size[1], size[2]) > _UPRIGHT * size[0])
 
 
 def _likely(category: str, size: Floats) -> str:

@@ -10,6 +10,8 @@ import yaml
 from meshslam.runs.commands import uses, why_unused
 from meshslam.settings import Setting
 
+_NAMED, _LONGEST = 8, 80  # of the settings that are there; characters of a name that is shown
+
 # names of version 0.1: groups, then settings in the groups that they are in now
 GROUPS = {
     "mapping.gradient": "objects.gradient",
@@ -101,14 +103,16 @@ def advice(path: str, value: object, known: Mapping[str, Setting], command: str 
         return f"{path} is called {new} now, and {why_unused(command, new)}"
     if new is not None:
         return f"{path} is called {new} now: write {written(new, value, known)}"
-    near = _near(path, known)
+    near, shown = _near(path, known), path if len(path) <= _LONGEST else f"{path[:_LONGEST]}..."
     if near:
-        return f"unknown setting {path}: did you mean {' or '.join(near)}?"
+        return f"unknown setting {shown}: did you mean {' or '.join(near)}?"
     group = path.rpartition(".")[0]
     there = [
         name.removeprefix(f"{group}." if group else "").partition(".")[0] for name in known if name.startswith(group)
     ]
-    return f"unknown setting {path}, known there are {', '.join(dict.fromkeys(there))}"
+    found = list(dict.fromkeys(there))
+    more = ", ..." if len(found) > _NAMED else ""
+    return f"unknown setting {shown}, known there are {', '.join(found[:_NAMED])}{more} (docs/settings.md)"
 
 
 def written(path: str, value: object, known: Mapping[str, Setting]) -> str:

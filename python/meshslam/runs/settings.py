@@ -14,10 +14,11 @@ from typing import Any, TypeVar
 import numpy as np
 import yaml
 
-from meshslam.errors import ConfigError
+from meshslam.errors import ConfigError, SequenceError
 from meshslam.runs.commands import uses, why_unused
 from meshslam.runs.config import Config
 from meshslam.runs.names import advice, written
+from meshslam.sequences import parsed_yaml
 from meshslam.settings import Setting, Settings, parts_of, paths_of, settings_of
 
 EXPERT = "expert"
@@ -70,10 +71,12 @@ def _misplaced(path: str, value: object, known: Mapping[str, Setting]) -> str:
 def read_yaml(path: Path) -> object:
     """A YAML file's content; ConfigError names the file if it cannot be read."""
     try:
-        document = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        document: object = parsed_yaml(path, path.read_text(encoding="utf-8-sig"), _Loader)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except SequenceError as error:
+        raise ConfigError(str(error)) from None
+    except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read as YAML: {_one_line(error)}") from None
     return document or {}
 

@@ -11,11 +11,13 @@ from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
 from meshslam.sequences.report import Problem, Report
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+from meshslam.sequences.text import LARGEST, parsed_yaml
 from meshslam.sequences.tum import format_tum, read_tum
 from meshslam.sequences.turning import turns
 
 __all__ = [
     "CONVENTIONS",
+    "LARGEST",
     "LOADERS",
     "WORLD_FROM_FIRST_CAMERA",
     "Convention",
@@ -34,6 +36,7 @@ __all__ = [
     "in_convention",
     "inspect_sequence",
     "open_sequence",
+    "parsed_yaml",
     "read_camera_file",
     "read_camera_from_body",
     "read_extrinsics",

@@ -10,7 +10,7 @@ import numpy as np
 from meshslam.errors import GeometryError
 from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.report import IncompleteError, Report, fail
-from meshslam.sequences.text import read_text
+from meshslam.sequences.text import LARGEST, read_text
 
 CAMERA_NUMBERS = (0, 1, 2, 3)
 HEIGHT_ABOVE_GROUND_M = 1.65  # Geiger et al., Vision meets Robotics: The KITTI Dataset, IJRR 2013, Fig. 3
@@ -37,7 +37,7 @@ def _parse(path: Path, key: str, text: str, size: int) -> Floats:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
         raise fail(path, key, f"expected {size} numbers, found {text.strip()[:80]!r}") from None
-    if len(values) != size or not np.isfinite(values).all():
+    if len(values) != size or not (np.abs(values) < LARGEST).all():
         raise fail(path, key, f"expected {size} finite numbers, found {text.strip()[:80]!r}")
     return values
 

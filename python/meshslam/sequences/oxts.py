@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples
 from meshslam.sequences.text import read_table, read_text
 
+_STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,18})?", re.ASCII)
 EARTH_RADIUS_M = 6378137.0
 FIELDS = 30  # dataformat.txt
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M, ROLL, PITCH, YAW = range(6)
@@ -42,13 +44,15 @@ def read_timestamps(path: Path, report: Report) -> Ints:
             blank.append(number - 1)
             continue
         try:
+            if not _STAMP.fullmatch(line.strip()):
+                raise ValueError(line)
             times.append(int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64)))
         except ValueError:
             raise fail(
-                path, f"line {number}", f"expected a time like 2011-09-26 14:14:10.911916288, found {line!r}"
+                path, f"line {number}", f"expected a time like 2011-09-26 14:14:10.911916288, found {line[:60]!r}"
             ) from None
         if times[-1] < 0:
-            raise fail(path, f"line {number}", f"no time: {line!r}")
+            raise fail(path, f"line {number}", f"no time: {line[:60]!r}")
     if not times:
         raise fail(path, "", "holds no times: the recording is empty")
     if blank:

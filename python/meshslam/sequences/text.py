@@ -15,6 +15,7 @@ from meshslam.errors import GeometryError
 from meshslam.geometry import Floats, Pose, nearest_rotation
 from meshslam.sequences.report import Report, fail
 
+LARGEST = 1e30  # of any quantity in a file: squares stay finite, and nanoseconds have 1e18
 _EXACT, _ROUNDED = 1e-4, 1e-2  # by which a rotation's columns may be off orthonormal: three decimals make 2e-3
 
 _MAX_ALIASES = 24  # nested ones multiply: so many make 3^8 times as much at most
@@ -85,8 +86,8 @@ def _parse_row(words: list[str], columns: int) -> tuple[str, list[float]]:
         values = [float(word) for word in words]
     except ValueError:
         return f"expected {columns} numbers, found {' '.join(words)[:80]!r}", []
-    if not np.isfinite(values).all():
-        return f"expected finite numbers, found {' '.join(words)[:80]!r}", []
+    if not (np.abs(values) < LARGEST).all():
+        return f"expected finite numbers below {LARGEST:g}, found {' '.join(words)[:80]!r}", []
     return "", values
 
 
@@ -121,11 +122,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return {str(key): value for key, value in content.items()}
 
 
-def parsed_yaml(path: Path, text: str) -> Any:  # noqa: ANN401 # what YAML holds
+def parsed_yaml(path: Path, text: str, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> Any:  # noqa: ANN401 # what YAML holds
     """The document; SequenceError in one line for what is no YAML, or would grow without bounds when it is unpacked."""
     try:
         _check_aliases(path, text)
-        return yaml.safe_load(text)
+        return yaml.load(text, Loader=loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}" if mark else ""
@@ -158,8 +159,8 @@ def numbers_of(path: Path, key: str, value: object) -> Floats:
             array = np.asarray(value, float)
     except (TypeError, ValueError, OverflowError, RecursionError):
         raise fail(path, key, f"expected numbers, found {_SHORT.repr(value)}") from None
-    if not np.isfinite(array).all():
-        raise fail(path, key, f"expected finite numbers, found {_SHORT.repr(value)}")
+    if not (np.abs(array) < LARGEST).all():
+        raise fail(path, key, f"expected finite numbers below {LARGEST:g}, found {_SHORT.repr(value)}")
     return array
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
-
-from meshslam.errors import DetectionError
+from meshslam.errors import DetectionError, SequenceError
 from meshslam.perception.json_values import is_name, quoted
+from meshslam.sequences import parsed_yaml
 
 
 def read_class_names(given: str) -> dict[int, str]:
@@ -27,8 +26,8 @@ def _of_file(path: Path) -> dict[int, str]:
     except (OSError, UnicodeDecodeError):
         raise DetectionError(f"{path}: cannot be read as text") from None
     try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError):
+        content = parsed_yaml(path, text)
+    except SequenceError:
         content = None
     names = content.get("names") if isinstance(content, dict) else content
     if isinstance(names, dict):

@@ -7,9 +7,8 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from meshslam.errors import CategoryError
+from meshslam.errors import GeometryError
 
-SUFFIXES = (".glb", ".gltf")
 _ADVICE = "export it without this, or `gltf-transform` takes it out"
 _UNREAD = {
     "KHR_mesh_quantization": "quantized vertices",
@@ -23,15 +22,20 @@ _MODES = {5: "triangle strips", 6: "triangle fans"}
 _GLB_MAGIC, _JSON_CHUNK = b"glTF", b"JSON"
 
 
+def is_gltf(path: Path) -> bool:
+    """Whether the file's name ends as those of glTF do."""
+    return path.suffix.lower() in {".glb", ".gltf"}
+
+
 def check_gltf(path: Path) -> None:
-    """CategoryError naming the extension or feature that would not be read right; nothing for other files."""
-    if path.suffix.lower() not in SUFFIXES:
+    """GeometryError naming the extension or feature that would not be read right; nothing for other files."""
+    if not is_gltf(path):
         return
     document = _document(path)
     used = [name for name in _list(document, "extensionsUsed") + _list(document, "extensionsRequired")]
     for name in used:
         if name in _UNREAD:
-            raise CategoryError(f"{path}: {name} ({_UNREAD[name]}) is not read: {_ADVICE}")
+            raise GeometryError(f"{path}: {name} ({_UNREAD[name]}) is not read: {_ADVICE}")
     accessors = _list(document, "accessors")
     for mesh in _list(document, "meshes"):
         for primitive in _list(mesh, "primitives"):
@@ -40,10 +44,10 @@ def check_gltf(path: Path) -> None:
 
 def _check_primitive(path: Path, primitive: Any, accessors: list[Any]) -> None:  # noqa: ANN401 # as JSON has it
     if not isinstance(primitive, dict):
-        raise CategoryError(f"{path}: a mesh's primitive is no JSON object")
+        raise GeometryError(f"{path}: a mesh's primitive is no JSON object")
     mode = primitive.get("mode", 4)
     if mode in _MODES:
-        raise CategoryError(f"{path}: {_MODES[mode]} (primitive mode {mode}) are not read: export triangles")
+        raise GeometryError(f"{path}: {_MODES[mode]} (primitive mode {mode}) are not read: export triangles")
     attributes = primitive.get("attributes")
     position = attributes.get("POSITION") if isinstance(attributes, dict) else None
     for index in (position, primitive.get("indices")):
@@ -52,9 +56,9 @@ def _check_primitive(path: Path, primitive: Any, accessors: list[Any]) -> None: 
         if not isinstance(accessor, dict):
             continue
         if "sparse" in accessor:
-            raise CategoryError(f"{path}: sparse accessors (accessors[{index}].sparse) are not read: {_ADVICE}")
+            raise GeometryError(f"{path}: sparse accessors (accessors[{index}].sparse) are not read: {_ADVICE}")
         if index == position and accessor.get("componentType") != _FLOAT:
-            raise CategoryError(f"{path}: vertices of integers (KHR_mesh_quantization) are not read: {_ADVICE}")
+            raise GeometryError(f"{path}: vertices of integers (KHR_mesh_quantization) are not read: {_ADVICE}")
 
 
 def _document(path: Path) -> dict[str, Any]:
@@ -63,18 +67,18 @@ def _document(path: Path) -> dict[str, Any]:
         text = _json_chunk(path, content) if content[:4] == _GLB_MAGIC else content
         document = json.loads(text)
     except OSError as error:
-        raise CategoryError(f"{path}: cannot be read: {error.strerror}") from None
+        raise GeometryError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise CategoryError(f"{path}: no glTF: its JSON cannot be read ({str(error)[:100]})") from None
+        raise GeometryError(f"{path}: no glTF: its JSON cannot be read ({str(error)[:100]})") from None
     if not isinstance(document, dict):
-        raise CategoryError(f"{path}: no glTF: its JSON is no object")
+        raise GeometryError(f"{path}: no glTF: its JSON is no object")
     return document
 
 
 def _json_chunk(path: Path, content: bytes) -> bytes:
     """The first chunk of a binary file (glTF 2.0, section 4.4.3)."""
     if len(content) < 20 or content[16:20] != _JSON_CHUNK:
-        raise CategoryError(f"{path}: no glTF of version 2: its first chunk is not JSON")
+        raise GeometryError(f"{path}: no glTF of version 2: its first chunk is not JSON")
     (length,) = struct.unpack("<I", content[12:16])
     return content[20 : 20 + length]
 
