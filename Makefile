@@ -68,9 +68,10 @@ bench-render: setup $(VENV)/.bench ## the renderer and its gradients side by sid
 
 FUZZ_SECONDS ?= 600
 
-fuzz: setup ## hostile input to the core's entry points, with overflow checks, and to streams: FUZZ_SECONDS (600); FUZZ_SEED repeats a finding
-	$(BIN)/python scripts/fuzz_streams.py $$(($(FUZZ_SECONDS) / 2)) $(or $(FUZZ_SEED),0)
-	FUZZ_SECONDS=$$(($(FUZZ_SECONDS) / 2)) \
+fuzz: setup ## hostile input to the core's entry points (with overflow checks), readers and streams: FUZZ_SECONDS (600); FUZZ_SEED repeats a finding
+	$(BIN)/python scripts/fuzz_readers.py $$(($(FUZZ_SECONDS) / 3)) $(or $(FUZZ_SEED),0)
+	$(BIN)/python scripts/fuzz_streams.py $$(($(FUZZ_SECONDS) / 3)) $(or $(FUZZ_SEED),0)
+	FUZZ_SECONDS=$$(($(FUZZ_SECONDS) / 3)) \
 	CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true \
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -64,3 +65,18 @@ def test_a_process_that_began_later_under_the_same_number_is_another(path):
     path.write_text(json.dumps({"pid": os.getppid(), "started": started(os.getppid())}))
     with pytest.raises(MapError, match=str(os.getppid())), locked(path, "run"):
         pass
+
+
+def test_an_interrupt_at_its_removal_leaves_no_lock(path, monkeypatch):
+    remove, calls = Path.unlink, []
+
+    def interrupted(self, missing_ok=False):
+        calls.append(self)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        remove(self, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", interrupted)
+    with pytest.raises(KeyboardInterrupt), locked(path, "run"):
+        pass
+    assert not path.exists()

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import random
 
 import numpy as np
@@ -24,7 +25,8 @@ from meshslam.sequences import Report, Sequence
 
 WIDTH, HEIGHT = 32, 24
 LONGEST = 300  # characters of a message behind the file's path
-JSON_MUTATIONS, TEXT_MUTATIONS = 500, 300  # of each reader
+MUTATIONS = int(os.environ.get("MESHSLAM_MUTATIONS", "400"))  # of each reader; `make fuzz` takes more, and other seeds
+SEED = int(os.environ.get("MESHSLAM_FUZZ_SEED", "0"))
 FRAMES = ImageFrames((0, 1, 2), WIDTH, HEIGHT)
 
 DEEP = "a list in 900 others"  # put in when the file is written
@@ -165,9 +167,9 @@ def read_back(found, path):
 
 @pytest.mark.parametrize("kind", ["values", "bytes"])
 def test_damaged_detection_files(tmp_path, kind):
-    random_, path, recording = random.Random(1), tmp_path / "detections.json", sequence(tmp_path)
+    random_, path, recording = random.Random(SEED + 1), tmp_path / "detections.json", sequence(tmp_path)
     content, read = json.dumps(document()).encode(), 0
-    for _ in range(JSON_MUTATIONS):
+    for _ in range(MUTATIONS):
         if kind == "values":
             path.write_bytes(as_json(mutated(document(), random_)).encode())
         else:
@@ -178,13 +180,13 @@ def test_damaged_detection_files(tmp_path, kind):
         check_detections(path, recording, report)
         assert runs == all(p.severity == "note" for p in report.problems)
         assert all(len(p.what) <= LONGEST and p.what.isprintable() for p in report.problems)
-    assert 0.02 * JSON_MUTATIONS < read < 0.9 * JSON_MUTATIONS
+    assert 0.02 * MUTATIONS < read < 0.9 * MUTATIONS
 
 
 def test_damaged_results(tmp_path):
-    random_, path = random.Random(2), tmp_path / "results.json"
+    random_, path = random.Random(SEED + 2), tmp_path / "results.json"
     rows = [{"image_id": a["image_id"], "category_id": 3} | a for a in document()["annotations"]]
-    for _ in range(TEXT_MUTATIONS):
+    for _ in range(MUTATIONS):
         path.write_text(as_json(mutated(rows, random_)))
         hold(lambda: from_coco_results(path, FRAMES), path)
 
@@ -196,9 +198,9 @@ MOTS = f"0 1001 1 24 32 {encode_mask(np.eye(24, 32, dtype=np.uint8))['counts']}\
 @pytest.mark.parametrize("kind", ["words", "bytes"])
 @pytest.mark.parametrize("source", ["yolo", "mots"])
 def test_damaged_text_files(tmp_path, source, kind):
-    random_, path = random.Random(3), tmp_path / "000001.txt"
+    random_, path = random.Random(SEED + 3), tmp_path / "000001.txt"
     text = YOLO if source == "yolo" else MOTS
-    for _ in range(TEXT_MUTATIONS):
+    for _ in range(MUTATIONS):
         if kind == "words":
             path.write_text(changed_words(text, random_))
         else:

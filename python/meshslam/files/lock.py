@@ -34,8 +34,19 @@ def locked(path: Path, what: str, error: type[MeshslamError] = MapError) -> Iter
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):
+        _release(path)
+
+
+def _release(path: Path) -> None:
+    """Remove the lock, even if Ctrl-C comes at that moment."""
+    with contextlib.suppress(OSError):
+        try:
             path.unlink(missing_ok=True)
+        except OSError:
+            raise
+        except BaseException:  # what the command makes of SIGINT
+            path.unlink(missing_ok=True)
+            raise
 
 
 def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:

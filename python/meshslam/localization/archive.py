@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,7 +31,7 @@ def read_archive(path: Path, kind: str) -> tuple[ImuSamples, dict[str, Any]]:
         with np.load(Path(path), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
         right, imu = str(arrays.pop("format")) == kind, arrays.pop("imu")
-    except _DAMAGED as error:
+    except Exception as error:  # NumPy, zip, zlib and tokenize raise their own kinds
         raise MapError(f"{path}: cannot be read as a saved system: {_said(error)}") from None
     if not right:
         raise MapError(f"{path}: was saved by another version, expected {kind}")
@@ -52,18 +51,6 @@ def archive_errors(path: Path | str) -> Iterator[None]:
         raise MapError(f"{path}: is damaged, or of other arguments: {type(error).__name__}: {_said(error)}") from error
 
 
-_DAMAGED = (
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,
-    LookupError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 _MAX_PACKED_BYTES = 64 << 20  # of a packed array; those that are saved are not packed
 
 

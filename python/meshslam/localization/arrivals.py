@@ -13,7 +13,7 @@ from meshslam.sequences import ImuSamples
 NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 LONGEST_STEP_S = FRAME_STEP_S[1]  # between frames that no samples join
 _LATEST_S = 1e11  # a clock in seconds that says more counts something else
-_JUDGED_S = (1.0, 5.0)  # seconds of samples that the judgement of units needs, and after which it ends
+JUDGED_S = (1.0, 5.0)  # seconds of samples that the judgement of units needs, and after which it ends
 _TAIL = 4  # held samples that show whether the first new ones repeat them
 _NAMES = ("times_s", "angular_rate_rad_s", "specific_force_m_s2")
 
@@ -101,13 +101,13 @@ def units_judged(frame: int, recent: ImuSamples, source: str) -> tuple[bool, tup
     degrees are noted: a vehicle at rest tells little of them.
     """
     seconds = recent.times_s[-1] - recent.times_s[0] if len(recent.times_s) > 1 else 0.0
-    if seconds < _JUDGED_S[0]:
+    if seconds < JUDGED_S[0]:
         return False, ()
     found = judge_imu(recent, f"{source}, frame {frame}: IMU")
     for finding in found:
         if finding.severity == "error" and finding.code not in ("imu_in_degrees", "times_unit"):
             raise SequenceError(f"{finding.message}; begin anew with right samples: the poses so far are wrong")
-    enough = bool(seconds >= _JUDGED_S[1])
+    enough = bool(seconds >= JUDGED_S[1])
     return enough, tuple(f.message for f in found if f.code == "imu_in_degrees") if enough else ()
 
 

@@ -24,6 +24,7 @@ from meshslam.localization.stream import Stream
 from meshslam.maps import Map
 from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
 from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
+from meshslam.plausibility import RatesBySight
 from meshslam.sequences import ImuSamples, InitialState
 
 FORMAT = "meshslam-localizer-3"
@@ -137,7 +138,7 @@ class Localizer:
             camera,
             {name: len(points) for name, points in self._names.items()},
         )
-        self._stream = Stream(source=source)
+        self._stream = Stream(source=source, sight=RatesBySight(camera, imu_from_camera))
         self._waiting: list[_Frame] = []
         self._estimator: LocalizationEstimator | None = None
         self._moved: dict[int, int] = {}
@@ -169,6 +170,7 @@ class Localizer:
         with unchanged_by_errors(self, f"{self._source}: frame {number}"):
             self._stream.take(number, time_s, imu, needs_imu=True)
             given = _Frame(number, float(time_s), self._perception.process(number, image, detections))
+            self._stream.see(number, given.time_s, given.detections)
             reached = self._taken(given)
             _check_finite(number, reached.world_from_camera)
             return replace(reached, notes=(*self._stream.notes, *self._perception.notes))

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.localization.arrivals import NO_SAMPLES, arrived, checked_samples, checked_time, joined, units_judged
+from meshslam.localization.arrivals import (
+    JUDGED_S,
+    NO_SAMPLES,
+    arrived,
+    checked_samples,
+    checked_time,
+    joined,
+    units_judged,
+)
 from meshslam.motion import ImuBuffer
+from meshslam.perception import Detection
+from meshslam.plausibility import RatesBySight, centres, errors
 from meshslam.sequences import ImuSamples
 
 _PATIENCE_S = 3.0  # without any samples, before that is an error
@@ -22,6 +33,7 @@ class Stream:
     last_s: float | None = None  # time of the newest frame
     next_number: int = 0
     source: str = "stream"
+    sight: RatesBySight | None = None  # judges the unit of the rates; None: it is right, or not known
     notes: tuple[str, ...] = ()  # of the newest frame
     _first_s: float | None = None
     _unjudged: ImuSamples | None = NO_SAMPLES  # of the first seconds; None: their units are right
@@ -52,6 +64,18 @@ class Stream:
         self.last_s, self.next_number, self.notes = now_s, number + 1, (*new.notes, *said)
         self._first_s, self._unjudged = first_s, unjudged
 
+    def see(self, number: int, time_s: float, detections: Sequence[Detection]) -> None:
+        """Judge the newest samples' rates by what the frame shows; SequenceError if they are in degrees."""
+        if self.sight is None:
+            return
+        self.sight.add(time_s, centres(detections), self.imu.samples)
+        if self._first_s is None or time_s - self._first_s <= 1.5 * JUDGED_S[0]:
+            return  # g, swapped columns: those are judged first
+        for finding in errors(self.sight.findings(f"{self.source}, frame {number}: IMU")):
+            raise SequenceError(f"{finding.message}; begin anew with right samples: the poses so far are wrong")
+        if self.sight.is_enough:
+            self.sight = None
+
     def checked_number(self, frame: int | None) -> int:
         """The number of the next frame; SequenceError if one is given that does not go on."""
         if frame is None:
@@ -77,7 +101,7 @@ class Stream:
     def restore(self, samples: ImuSamples, last_s: float, next_number: int) -> None:
         """Go on from samples that were saved."""
         self.imu, self.last_s, self.next_number = ImuBuffer(samples), last_s, next_number
-        self._first_s = last_s
+        self._first_s, self.sight = last_s, None
 
     def _judged(self, number: int, new: ImuSamples) -> tuple[ImuSamples | None, tuple[str, ...]]:
         """The samples that are still to be judged with those of the next frames."""

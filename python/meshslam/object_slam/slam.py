@@ -48,6 +48,7 @@ from meshslam.perception import (
     SegmenterConfig,
     TrackerConfig,
 )
+from meshslam.plausibility import RatesBySight
 from meshslam.sequences import ImuSamples, InitialState
 
 FORMAT = "meshslam-slam-4"
@@ -167,7 +168,7 @@ class Slam:
             camera,
             {known.name: len(names)},
         )
-        self._stream = Stream(source=source)
+        self._stream = Stream(source=source, sight=RatesBySight(camera, mounted) if moved_by_imu else None)
         self._image_features: ImageFeatures | None = None
         self._odometry: list[Pose] = []
         self._waiting: list[StreamFrame] = []
@@ -206,6 +207,7 @@ class Slam:
             self._check(number, image, odometry)
             tracked = self._perception.process(number, image, detections)
             self._stream.take(number, time_s, imu, needs_imu=self._moved_by_imu)
+            self._stream.see(number, float(time_s), tracked)
             reached = self._taken(StreamFrame(number, float(time_s), tracked), image, odometry, None)
             return replace(reached, notes=(*reached.notes, *self._perception.notes))
 

@@ -5,6 +5,7 @@ from meshslam.plausibility.finding import Finding, Severity, errors, notes, rais
 from meshslam.plausibility.imu import CleanImu, clean_imu, frozen_samples, judge_imu, wild_samples
 from meshslam.plausibility.mounting import judge_mounting
 from meshslam.plausibility.poses import judge_poses
+from meshslam.plausibility.rates import RatesBySight, centres, judge_rates_by_poses, judge_rates_by_sight
 from meshslam.plausibility.scale import judge_scale
 from meshslam.plausibility.sizes import judge_sizes
 from meshslam.plausibility.times import FRAME_STEP_S, SAMPLE_STEP_S, judge_times
@@ -14,7 +15,9 @@ __all__ = [
     "SAMPLE_STEP_S",
     "CleanImu",
     "Finding",
+    "RatesBySight",
     "Severity",
+    "centres",
     "clean_imu",
     "errors",
     "frozen_samples",
@@ -22,6 +25,8 @@ __all__ = [
     "judge_imu",
     "judge_mounting",
     "judge_poses",
+    "judge_rates_by_poses",
+    "judge_rates_by_sight",
     "judge_scale",
     "judge_sizes",
     "judge_times",

@@ -11,11 +11,14 @@ from meshslam.perception import DetectionSet, read_recorded_detections
 from meshslam.plausibility import (
     FRAME_STEP_S,
     Finding,
+    centres,
     clean_imu,
     errors,
     judge_camera,
     judge_mounting,
     judge_poses,
+    judge_rates_by_poses,
+    judge_rates_by_sight,
     judge_scale,
     judge_sizes,
     judge_times,
@@ -64,7 +67,7 @@ def _judge_given_tracks(recording: Sequence) -> list[Finding]:
         given = None if file is None else read_recorded_detections(file, recording)
     except DetectionError:  # what is wrong with its form is said already
         return []
-    return [] if given is None else judge_tracks(recording, given)
+    return [] if given is None else judge_tracks(recording, given) + judge_sight(recording, given)
 
 
 def judge_recording(recording: Sequence, *, poses: bool, imu: bool) -> tuple[Sequence, list[Finding]]:
@@ -81,7 +84,20 @@ def judge_recording(recording: Sequence, *, poses: bool, imu: bool) -> tuple[Seq
     if recording.imu_from_camera is not None and not any(f.severity == "error" for f in clean.findings):
         source = source_of(recording, "camera.yaml")
         found += judge_mounting(recording, clean.samples, recording.imu_from_camera, source)
+        if poses and recording.world_from_camera is not None and not errors(found):
+            given = (recording.times_s, recording.world_from_camera, source_of(recording, "imu.csv"))
+            found += judge_rates_by_poses(clean.samples, recording.imu_from_camera, *given)
     return recording, found
+
+
+def judge_sight(recording: Sequence, seen: DetectionSet) -> list[Finding]:
+    """Whether the IMU's rates turn the camera as what it sees says."""
+    if recording.imu is None or recording.imu_from_camera is None:
+        return []
+    by_frame, times_s = seen.by_frame(), recording.times_s.tolist()
+    shown = ((t, centres(by_frame.get(n, ()))) for n, t in zip(recording.frame_ids, times_s, strict=True))
+    source = source_of(recording, "imu.csv")
+    return judge_rates_by_sight(recording.camera, recording.imu, recording.imu_from_camera, shown, source)
 
 
 def judge_tracks(recording: Sequence, tracked: DetectionSet) -> list[Finding]:

@@ -11,7 +11,7 @@ from meshslam.maps import Map, RunDirectory, Trajectory
 from meshslam.perception import write_detections
 from meshslam.runs import stages
 from meshslam.runs.config import Config
-from meshslam.runs.judging import judge_map, judge_recording, say
+from meshslam.runs.judging import judge_map, judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_refused_views
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
@@ -34,6 +34,7 @@ def localize_recording(
     say(findings + judge_map(scene, settings.input.map or "the map"), outlet)
     with clock.timing("perception"):
         found = perceive(recording, settings, outlet, run).detections
+    say(judge_sight(recording, found), outlet)
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, found):
         outlet.note(note)
     with clock.timing("localization"):

@@ -11,7 +11,7 @@ from meshslam.maps import CameraPath, RunDirectory
 from meshslam.object_slam import SlamResult, slam_sequence
 from meshslam.runs import stages
 from meshslam.runs.config import Config
-from meshslam.runs.judging import judge_recording, say
+from meshslam.runs.judging import judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
@@ -30,6 +30,7 @@ def slam_recording(
     say(findings, outlet)
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run)
+    say([] if by_odometry else judge_sight(recording, seen.detections), outlet)
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, seen.detections):
         outlet.note(note)
     with clock.timing("tracking"):

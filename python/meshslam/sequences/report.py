@@ -10,6 +10,7 @@ from typing import Literal, TypeVar
 from meshslam.errors import SequenceError
 
 Result = TypeVar("Result")
+LONGEST = 280  # characters of what is said of a file
 Severity = Literal["problem", "note"]
 
 
@@ -23,7 +24,8 @@ class Problem:
     severity: Severity = "problem"
 
     def __str__(self) -> str:
-        return f"{self.file}: {self.where}: {self.what}" if self.where else f"{self.file}: {self.what}"
+        words = f"{self.where}: {self.what}" if self.where else self.what
+        return f"{self.file}: {words if len(words) <= LONGEST else words[: LONGEST - 2] + ' …'}"
 
 
 class FoundError(SequenceError):
