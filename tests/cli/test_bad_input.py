@@ -1,10 +1,13 @@
 import json
 import re
 import shutil
+import tempfile
 
 import pytest
 
-from meshslam.maps import Map
+from meshslam.cli import app as cli_app
+from meshslam.errors import MapError
+from meshslam.maps import Map, read_figures
 from tests.cli.conftest import error_of, meshslam
 from tests.perception.networks import other_network
 
@@ -236,3 +239,48 @@ def test_one_frame_is_a_sequence(street, tmp_path):
     result = meshslam("map", street, "--out", tmp_path / "run", "--json")
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["objects_mapped"] >= 1
+
+
+DAMAGED_FIGURES = ["", '{"frames": 6, ', "[]", '{"a": 1}', '{"frames": 1e999}', "\udcff", "[" * 100000]
+
+
+@pytest.mark.parametrize("text", DAMAGED_FIGURES, ids=range(len(DAMAGED_FIGURES)))
+def test_damaged_figures_of_a_run_that_is_there_are_named(source_run, tmp_path, text):
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "metrics.json").write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(MapError, match=r"metrics\.json: is damaged: --overwrite makes the run anew"):
+        read_figures(run)
+    assert read_figures(source_run)["frames"] == 6
+
+
+def test_a_damaged_run_is_one_line(source, source_run, tmp_path):
+    run = shutil.copytree(source_run, tmp_path / "run")
+    (run / "metrics.json").write_text("{")
+    assert "metrics.json: is damaged" in error_of(meshslam("map", source, "--out", run))
+
+
+def test_links_in_a_circle_are_one_line(source, tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to("loop")
+    assert "no such folder" in error_of(meshslam("map", loop, "--out", tmp_path / "run"))
+    assert "loop" in error_of(meshslam("map", source, "--out", loop))
+    assert "loop" in error_of(meshslam("map", source, "--out", tmp_path / "run", "--detections", loop))
+    assert "loop" in error_of(meshslam("simulate", loop))
+
+
+def test_a_fault_of_ours_is_one_line_and_a_file(tmp_path, monkeypatch, capsys):
+    def faulty():
+        raise ZeroDivisionError("a\nb")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(cli_app, "app", faulty)
+    monkeypatch.setattr(cli_app.signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        cli_app.main()
+    assert ended.value.code == 70
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "ZeroDivisionError: a b: this is a fault of meshslam" in said
+    (kept,) = tmp_path.glob("meshslam-fault-*.txt")
+    assert "in faulty" in kept.read_text()

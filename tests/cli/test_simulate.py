@@ -61,3 +61,10 @@ def test_what_is_there_stays_unless_it_is_ours_and_to_be_replaced(simulated, set
     assert "--overwrite" in error_of(meshslam("simulate", simulated))
     assert "--poses" in error_of(meshslam("simulate", tmp_path / "new", "--imu", "imu.csv"))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["letters"]
+
+
+def test_the_place_where_the_command_runs_is_refused_at_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for place in (".", "..", "/", tmp_path):
+        assert "the command runs in there" in error_of(meshslam("simulate", place))
+    assert not list(tmp_path.iterdir())

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
+import traceback
 from types import FrameType
 from typing import NoReturn
 
@@ -25,7 +27,7 @@ from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
-USER_ERROR, INTERRUPTED = 2, 130
+USER_ERROR, FAULT, INTERRUPTED = 2, 70, 130
 
 app = typer.Typer(
     name="meshslam",
@@ -62,8 +64,21 @@ def main() -> None:
         _end(f"error:{where}: {error.strerror or error}", USER_ERROR)
     except MemoryError:
         _end("error: out of memory: give fewer frames, or lower objects.max_views in the configuration", USER_ERROR)
+    except Exception as error:
+        _end(f"error: {_fault(error)}", FAULT)
     except (KeyboardInterrupt, _Interrupted):
         _end("interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED)
+
+
+def _fault(error: Exception) -> str:
+    """A fault of ours in one line; the traceback lies in a file of its own."""
+    with tempfile.NamedTemporaryFile("w", prefix="meshslam-fault-", suffix=".txt", delete=False) as file:
+        traceback.print_exc(file=file)
+    said = " ".join(str(error).split())[:150]
+    return (
+        f"{type(error).__name__}: {said}: this is a fault of meshslam, which should have said what is wrong with the "
+        f"input: please report it with {file.name}"
+    )
 
 
 class _Interrupted(BaseException):

@@ -27,12 +27,13 @@ def demo(
     Example: meshslam demo --out demo
     """
     from meshslam.cli.progress import run_outlet
+    from meshslam.files import real_path
     from meshslam.runs import Config, InputConfig, run_localize, run_map, run_slam
 
     refuse_foreign(out)
     first, second = draw_drives(out, seed)
     drive = Config(InputConfig(sequence=str(first)))
-    again = Config(InputConfig(sequence=str(second), map=str((out / "map").resolve())))
+    again = Config(InputConfig(sequence=str(second), map=str(real_path(out / "map"))))
     runs = {}
     for name, run, settings in (("map", run_map, drive), ("localize", run_localize, again), ("slam", run_slam, drive)):
         with run_outlet() as outlet:
@@ -43,9 +44,10 @@ def demo(
 def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
     """Two drives through one street as sequence folders: masks without key points, poses for the first alone."""
     from meshslam.cli.progress import progress_bars
+    from meshslam.files import real_path
     from meshslam.simulation import DEMO, EXACT, driven_again, make_world, write_recording
 
-    first, second = (out.resolve() / f"street_{seed}{name}" for name in ("", "_again"))
+    first, second = (real_path(out) / f"street_{seed}{name}" for name in ("", "_again"))
     observer = replace(EXACT, keypoints=False)
     street = make_world(replace(DEMO, seed=seed))
     with progress_bars() as bars:

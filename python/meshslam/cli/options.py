@@ -55,10 +55,12 @@ def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
 
 
 def _plain(key: str, value: str | int | Path) -> str | int:
+    from meshslam.files import real_path
+
     if isinstance(value, Path):
-        return str(value.resolve())
+        return str(real_path(value))
     if key == "segmenter" and isinstance(value, str):  # a file, or a name in the store
-        return str(Path(value).resolve()) if Path(value).exists() or value.endswith(".onnx") else value
+        return str(real_path(value)) if Path(value).exists() or value.endswith(".onnx") else value
     if key == "category" and isinstance(value, str):  # a file, or the name of a shipped one
-        return str(Path(value).resolve()) if value.endswith(".npz") else value
+        return str(real_path(value)) if value.endswith(".npz") else value
     return value

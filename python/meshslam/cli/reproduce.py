@@ -100,6 +100,7 @@ def kitti(
     """
     from meshslam.cli.progress import run_outlet
     from meshslam.experiments import MappedDrive, kitti_experiment
+    from meshslam.files import real_path
     from meshslam.runs import open_input, read_config, run_map
 
     if labels and len(labels) != len(drives):
@@ -107,7 +108,7 @@ def kitti(
     settings, mapped = read_config(config, "map"), []
     for number, drive in enumerate(drives):
         chosen = with_input(settings, sequence=drive, segmenter=segmenter)
-        run = out / f"{number}_{drive.resolve().name}"
+        run = out / f"{number}_{real_path(drive).name}"
         with run_outlet() as outlet:
             run_map(chosen, run, outlet, overwrite=overwrite)
         mapped.append(MappedDrive(open_input(chosen.input), run, labels[number] if labels else None))
@@ -130,7 +131,9 @@ def show(found: Experiment, out: Path) -> None:
 
 
 def _text(path: Path | None) -> str | None:
-    return None if path is None else str(path.resolve())
+    from meshslam.files import real_path
+
+    return None if path is None else str(real_path(path))
 
 
 def _shown(value: float | int | str | None) -> str:

@@ -62,11 +62,13 @@ def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> N
     """Draw, and put the folder in place once it is whole."""
     from meshslam.cli.progress import progress_bars
     from meshslam.errors import SequenceError
-    from meshslam.files import LOCK, locked, replaced_folder
+    from meshslam.files import LOCK, locked, real_path, replaced_folder
     from meshslam.runs import to_yaml
     from meshslam.simulation import simulate_street
 
-    place = out.resolve()
+    place = real_path(out)
+    if Path.cwd().is_relative_to(place):
+        raise SequenceError(f"{out}: the command runs in there, and what is drawn is put in its place: name a folder")
     place.parent.mkdir(parents=True, exist_ok=True)
 
     def check() -> None:
@@ -102,7 +104,9 @@ def _given(settings: SimulationConfig, values: dict[str, Any]) -> SimulationConf
 
 
 def _chosen(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
+    from meshslam.files import real_path
+
+    return {k: str(real_path(v)) if isinstance(v, Path) else v for k, v in values.items() if v is not None}
 
 
 def _summary(street: Street, out: Path) -> str:

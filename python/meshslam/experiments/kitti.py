@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,9 @@ import numpy as np
 from meshslam.categories import load_category
 from meshslam.evaluation import MarkedScore, marked_labels, marked_objects, score_marked
 from meshslam.experiments.page import Cell, Claim, Experiment, Picture, png
+from meshslam.files import real_path
 from meshslam.geometry import Bytes
-from meshslam.maps import Map, Trajectory
+from meshslam.maps import Map, Trajectory, read_figures
 from meshslam.perception import DetectionSet, read_detections
 from meshslam.sequences import Sequence as Recording
 from meshslam.viewing import Line, draw_overlay, footprint, line_charts, mesh_picture
@@ -57,7 +57,7 @@ class MappedDrive:
     @property
     def name(self) -> str:
         """As tables call it."""
-        return self.recording.root.resolve().name
+        return real_path(self.recording.root).name
 
     @property
     def paper(self) -> PaperRow | None:
@@ -71,7 +71,7 @@ def kitti_experiment(drives: Sequence[MappedDrive]) -> Experiment:
     rows: list[dict[str, Cell]] = []
     pictures: list[Picture] = []
     for number, drive in enumerate(drives):
-        figures = json.loads((drive.run / "metrics.json").read_text(encoding="utf-8"))
+        figures = read_figures(drive.run)
         scene, path = Map.load(drive.run), Trajectory.load(drive.run / "trajectory.tum")
         marked = _marked(drive, scene, path)
         claims += _claims(drive, figures, marked)

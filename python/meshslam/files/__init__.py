@@ -11,6 +11,7 @@ from meshslam.files.atomic import (
 from meshslam.files.digest import digest_of, digest_of_file
 from meshslam.files.folder import replaced_folder
 from meshslam.files.lock import LOCK, locked
+from meshslam.files.places import real_path
 
 __all__ = [
     "LEFTOVER_SUFFIX",
@@ -18,6 +19,7 @@ __all__ = [
     "digest_of",
     "digest_of_file",
     "locked",
+    "real_path",
     "remove_leftovers",
     "remove_leftovers_of",
     "replaced_folder",

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from meshslam.errors import MeshslamError
 from meshslam.files.atomic import LEFTOVER_SUFFIX, sync_file, sync_folder
+from meshslam.files.places import real_path
 
 LIST = ".meshslam-files.json"  # the names that were written
 
@@ -25,7 +26,7 @@ def replaced_folder(
     none. `check` is called first and may refuse. A replacement that was cut short is ended, or taken back, before
     that. `error` names what the disk does not take.
     """
-    folder = folder.resolve()
+    folder = real_path(folder)
     part, old = (folder.with_name(f".{folder.name}.{kind}{LEFTOVER_SUFFIX}") for kind in ("new", "old"))
     try:
         _recover(folder, part, old)

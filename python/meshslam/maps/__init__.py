@@ -2,6 +2,7 @@
 
 from meshslam.files import remove_leftovers, write_atomically, write_together
 from meshslam.maps.camera_path import CameraPath
+from meshslam.maps.figures import read_figures
 from meshslam.maps.gltf import object_colour, save_glb, to_glb
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
@@ -19,6 +20,7 @@ __all__ = [
     "Trajectory",
     "format_ply",
     "object_colour",
+    "read_figures",
     "remove_leftovers",
     "save_glb",
     "to_glb",

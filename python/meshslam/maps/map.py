@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from meshslam.errors import GeometryError, MapError
-from meshslam.files import remove_leftovers, write_together
+from meshslam.files import real_path, remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.manifest import written_meshes
 from meshslam.maps.objects import MapObject
@@ -204,7 +204,7 @@ def _mesh_path(file: Path, name: str, where: str, *, allow_outside: bool) -> Pat
     """Where a mesh is; MapError if that is outside the map's folder, also by a link."""
     path = file.parent / name
     try:
-        inside = path.resolve().is_relative_to(file.parent.resolve())
+        inside = real_path(path).is_relative_to(real_path(file.parent))
     except (OSError, ValueError, RuntimeError):  # circles of links, names that no file can have
         raise MapError(f"{where}: mesh: {name[:60]!r} is no file's name that can be read") from None
     if not inside and not allow_outside:

@@ -21,7 +21,7 @@ from meshslam.features import correct_rotations
 from meshslam.files import LOCK, locked, remove_leftovers
 from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
-from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, to_glb
+from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.inputs import input_digests
@@ -94,7 +94,7 @@ def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrit
 def _figures_there(recording: Sequence, run: RunDirectory, outlet: Outlet) -> dict[str, float]:
     """The figures of a run that is complete; its notes are told again."""
     run.refuse_other_truth(truth_digest(recording.root))
-    figures: dict[str, Any] = json.loads(run.path("metrics.json").read_text(encoding="utf-8"))
+    figures = read_figures(run.folder)
     for note in figures.pop("notes", []):
         outlet.note(note)
     return figures

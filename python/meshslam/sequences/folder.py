@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshslam.errors import GeometryError, SequenceError
+from meshslam.files import real_path
 from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
@@ -85,7 +86,7 @@ class SequenceFolder:
         known = [poses[i] for i in range(count) if i in poses]
         note_turn(images, report)
         return Sequence(
-            name=path.resolve().name,
+            name=real_path(path).name,
             layout=self.name,
             root=path,
             camera=camera.camera,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
+from meshslam.files import real_path
 from meshslam.sequences.conventions import CONVENTIONS, Convention
 from meshslam.sequences.folder import SequenceFolder
 from meshslam.sequences.imu_files import read_camera_from_body, with_imu
@@ -99,7 +100,7 @@ def find_loader(path: Path, layout: str | None = None) -> Loader:
             names = ", ".join(loader.name for loader in LOADERS)
             raise SequenceError(f"{path}: unknown layout {layout!r}, known are {names}")
         return named[0]
-    absolute = path.resolve()
+    absolute = real_path(path)
     for loader in LOADERS:
         if loader.recognizes(absolute):
             return loader

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
+from meshslam.files import real_path
 from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences import ImuSamples, Report, read_extrinsics, read_imu, read_path
 from meshslam.simulation.bodies import BodySource
@@ -129,5 +130,5 @@ def _beside(file: Path, names: tuple[str, ...]) -> Path | None:
 
 
 def _candidates(file: Path, names: tuple[str, ...]) -> Iterator[Path]:
-    folder = file.resolve().parent
+    folder = real_path(file).parent
     return (place / name for place in (folder, folder.parent) for name in names)
