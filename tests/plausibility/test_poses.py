@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose, exp_so3
-from meshslam.plausibility import judge_mounting, judge_poses
+from meshslam.plausibility import judge_jumps, judge_mounting, judge_poses
 from meshslam.sequences import CONVENTIONS, in_convention, open_sequence
 
 WORLD_FROM_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -62,6 +62,16 @@ def test_a_camera_that_is_really_tilted_is_a_note(drive):
     down = Pose(exp_so3(np.array([-1.2, 0.0, 0.0])), np.zeros(3))
     (found,) = judge_poses(tuple(p @ down for p in drive), "poses.tum")
     assert (found.code, found.severity) == ("poses_tilted", "note")
+
+
+@pytest.mark.parametrize(("away_m", "severity"), [(1e25, "error"), (500.0, "error"), (30.0, "note"), (3.0, None)])
+def test_a_pose_that_jumps_is_named_with_its_time(drive, away_m, severity):
+    times_s = 0.1 * np.arange(len(drive))
+    poses = list(drive)
+    poses[3] = Pose(poses[3].rotation, poses[3].translation + [0.0, away_m, 0.0])
+    found = judge_jumps(times_s, poses, "poses.tum")
+    assert [f.severity for f in found] == ([severity] if severity else [])
+    assert all("jumps between poses: 2, the greatest from 0." in f.message for f in found)
 
 
 def test_a_path_too_short_to_tell_raises_nothing(drive):

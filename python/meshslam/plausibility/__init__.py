@@ -4,7 +4,7 @@ from meshslam.plausibility.camera import judge_camera
 from meshslam.plausibility.finding import Finding, Severity, errors, notes, raise_errors
 from meshslam.plausibility.imu import CleanImu, clean_imu, frozen_samples, judge_imu, wild_samples
 from meshslam.plausibility.mounting import judge_mounting
-from meshslam.plausibility.poses import judge_poses
+from meshslam.plausibility.poses import judge_jumps, judge_poses
 from meshslam.plausibility.rates import RatesBySight, centres, judge_rates_by_poses, judge_rates_by_sight
 from meshslam.plausibility.scale import judge_scale
 from meshslam.plausibility.sizes import judge_sizes
@@ -23,6 +23,7 @@ __all__ = [
     "frozen_samples",
     "judge_camera",
     "judge_imu",
+    "judge_jumps",
     "judge_mounting",
     "judge_poses",
     "judge_rates_by_poses",

@@ -6,17 +6,20 @@ files come in, the one is told that makes this so.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from meshslam.geometry import Pose
+from meshslam.geometry import Floats, Pose
 from meshslam.plausibility.finding import Finding
 from meshslam.sequences import CONVENTIONS, in_convention
 
 _UPRIGHT, _ALONG = 0.8, 0.9  # cosines
 _STEADIER, _WANDER_DEG = 1.5, 0.06  # by which another convention must let the axis wander less
 _MIN_FRAMES = 16  # for that
+_FAST_M_S, _IMPOSSIBLE_M_S = 150.0, 1000.0
+_SHORT_M = 5.0  # that a position by satellites may jump
 _MIN_TRAVEL_M, _MIN_STEP_SHARE = 2.0, 0.2
 _SAID = {
     "quaternion-first": "its quaternions begin with w",
@@ -71,6 +74,23 @@ def judge_poses(poses: tuple[Pose, ...], source: str) -> list[Finding]:
         return [_convention(max(good, key=lambda n: good[n].upright + good[n].along_axis), found, tilted)]
     advice = "if the camera really is tilted this is right; else check axes, quaternion order and direction"
     return [Finding("poses_tilted", f"{tilted}: {advice}", "note", _figures(found))]
+
+
+def judge_jumps(times_s: Floats, poses: Sequence[Pose], source: str) -> list[Finding]:
+    """Steps between poses at times (n,) that no vehicle makes: a note for fast ones, an error for impossible ones."""
+    at = np.array([pose.translation for pose in poses]).reshape(-1, 3)
+    lengths = np.linalg.norm(np.diff(at, axis=0), axis=1)
+    speeds = lengths / np.maximum(np.diff(times_s), 1e-9)
+    fast = np.flatnonzero((speeds > _FAST_M_S) & (lengths > _SHORT_M))
+    if not len(fast):
+        return []
+    worst = int(fast[np.argmax(speeds[fast])])
+    message = (
+        f"{source}: jumps between poses: {len(fast)}, the greatest from {times_s[worst]:.3f} s to {times_s[worst + 1]:.3f} s: "
+        f"{lengths[worst]:.4g} m, {speeds[worst]:.4g} m/s: broken poses, or another unit"
+    )
+    figures = {"jumps": float(len(fast)), "speed_m_s": float(speeds[worst])}
+    return [Finding("poses_jump", message, "error" if speeds[worst] > _IMPOSSIBLE_M_S else "note", figures)]
 
 
 def _is_steadier(other: Attitude, found: Attitude) -> bool:

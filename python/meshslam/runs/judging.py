@@ -15,6 +15,7 @@ from meshslam.plausibility import (
     clean_imu,
     errors,
     judge_camera,
+    judge_jumps,
     judge_mounting,
     judge_poses,
     judge_rates_by_poses,
@@ -76,7 +77,11 @@ def judge_recording(recording: Sequence, *, poses: bool, imu: bool) -> tuple[Seq
     found += judge_times(recording.times_s, "frames", source_of(recording, "times.txt"), FRAME_STEP_S)
     found += judge_camera(recording.camera, source_of(recording, "camera.yaml"))
     if poses and recording.world_from_camera is not None:
-        found += judge_poses(recording.world_from_camera, source_of(recording, "poses.tum"))
+        source = source_of(recording, "poses.tum")
+        judged = judge_poses(recording.world_from_camera, source)
+        found += (
+            judged if errors(judged) else judged + judge_jumps(recording.times_s, recording.world_from_camera, source)
+        )
     if not imu or recording.imu is None:
         return recording, found
     clean = clean_imu(recording.imu, source_of(recording, "imu.csv"))

@@ -59,7 +59,10 @@ def read_table(path: Path, columns: int, report: Report, *, by_line: bool = Fals
 
 def read_csv(path: Path, names: tuple[str, ...], report: Report) -> Table:
     """Read a comma-separated file whose header holds exactly `names`."""
-    lines = list(enumerate(csv.reader(read_text(path).splitlines()), 1))
+    try:
+        lines = list(enumerate(csv.reader(read_text(path).splitlines()), 1))
+    except csv.Error as error:
+        raise fail(path, "", f"cannot be read as CSV: {error}") from None
     header = tuple(word.strip().lstrip("#").strip() for word in lines[0][1]) if lines else ()
     if header != names:
         raise fail(path, "line 1", f"expected the header {','.join(names)}, found {','.join(header) or 'nothing'}")
