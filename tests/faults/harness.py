@@ -28,13 +28,15 @@ class Zygote:
         self.process = subprocess.Popen(command, cwd=ROOT, env=environment, **pipes)
         assert self.process.stdout.readline() == "ready\n"
 
-    def run(self, arguments, at=0, how="count", memory=None, **environment):
+    def run(self, arguments, at=0, how="count", memory=None, uid=None, first=(), **environment):
         """Exit code (negative: the signal that killed it) and the number of steps; what it said is in `said`.
 
-        `memory` is a folder that keeps estimates: files are what is under test.
+        `memory` is a folder that keeps estimates: files are what is under test. `uid` is another user's, who runs
+        nothing but files that the command `first` has loaded.
         """
         request = {"arguments": [str(a) for a in arguments], "at": at, "how": how, "log": str(self.log)}
-        request |= {"environment": environment, "memory": memory and str(memory)}
+        request |= {"environment": environment, "memory": memory and str(memory), "uid": uid}
+        request["first"] = [str(a) for a in first]
         self.process.stdin.write(json.dumps(request) + "\n")
         self.process.stdin.flush()
         answer = json.loads(self.process.stdout.readline())

@@ -1,7 +1,15 @@
 """A few steps of each command under faults; scripts/fault_sweep.py takes every step (FAULT_STEPS=all does so here)."""
 
 import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +31,7 @@ NAMES = (
     "category build over a file",
     "models add",
 )
+NOBODY = 65534  # a user id
 FAULTS = {name: ["kill"] for name in NAMES} | {
     "map --overwrite": ["kill", "full", "interrupt"],
     "category build over a file": ["kill", "full"],
@@ -72,6 +81,46 @@ def test_two_at_once_the_second_is_refused_and_changes_nothing(cases, zygote, me
         assert code == 2
         assert f"process {os.getpid()} is writing it" in zygote.said
         assert contents(case.target) == contents(case.old)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_another_user_changes_nothing_and_is_told_in_one_line(cases, zygote):
+    case = cases["map --overwrite"]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        drive, run = shutil.copytree(case.arguments[1], folder / "drive"), shutil.copytree(case.old, folder / "run")
+        before, first = contents(run), ["map", drive, "--out", folder / "first"]
+        for more in ([], ["--overwrite"]):
+            code, _ = zygote.run(["map", drive, "--out", run, *more], uid=NOBODY, first=first)
+            assert (code, zygote.said) == (2, f"error: {run}: cannot be written: Permission denied\n")
+            assert contents(run) == before
+        code, _ = zygote.run(["simulate", folder / "sim"], uid=NOBODY, first=first)
+        assert (code, zygote.said) == (2, f"error: {folder}: cannot be written: Permission denied\n")
+        (drive / "detections.json").chmod(0o600)
+        folder.chmod(0o777)
+        code, _ = zygote.run(["map", drive, "--out", folder / "other"], uid=NOBODY, first=first)
+        assert code == 2
+        assert "detections.json" in zygote.said
+        assert "Permission denied" in zygote.said
+
+
+@pytest.mark.parametrize("limit_bytes", [100, 3000])
+def test_a_file_that_the_disk_does_not_take_is_named(cases, tmp_path, limit_bytes):
+    def limited():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # write() then fails, as on a full disk, with no name
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
+
+    drive = cases["map"].arguments[1]
+    for arguments, file in (
+        (["simulate", tmp_path / "sim", "--frames", "2"], {100: "camera.yaml", 3000: "detections.json"}[limit_bytes]),
+        (["map", drive, "--out", tmp_path / "run"], {100: "config.yaml", 3000: "detections.json"}[limit_bytes]),
+    ):
+        command = [sys.executable, "-m", "meshslam", *map(str, arguments)]
+        ended = subprocess.run(command, capture_output=True, text=True, preexec_fn=limited, check=False)
+        assert ended.returncode == 2, ended.stderr
+        assert re.search(rf"error: .*/{file}: cannot be written: File too large\n$", ended.stderr), ended.stderr
+    assert not (tmp_path / "sim").exists()
 
 
 def moved(poses):

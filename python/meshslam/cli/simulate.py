@@ -62,7 +62,7 @@ def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> N
     """Draw, and put the folder in place once it is whole."""
     from meshslam.cli.progress import progress_bars
     from meshslam.errors import SequenceError
-    from meshslam.files import LOCK, locked, real_path, replaced_folder
+    from meshslam.files import LOCK, locked, real_path, replaced_folder, write_into
     from meshslam.runs import to_yaml
     from meshslam.simulation import simulate_street
 
@@ -80,7 +80,7 @@ def run_simulate(settings: SimulationConfig, out: Path, *, overwrite: bool) -> N
     ):
         with progress_bars() as bars:
             street = simulate_street(settings, part, bars)
-        (part / "simulation.yaml").write_text(to_yaml(settings), encoding="utf-8")
+        write_into(part / "simulation.yaml", to_yaml(settings), SequenceError)
     print(_summary(street, out))
 
 

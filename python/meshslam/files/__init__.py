@@ -5,6 +5,7 @@ from meshslam.files.atomic import (
     remove_leftovers,
     remove_leftovers_of,
     write_atomically,
+    write_into,
     write_together,
     written_aside,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "remove_leftovers_of",
     "replaced_folder",
     "write_atomically",
+    "write_into",
     "write_together",
     "written_aside",
 ]

@@ -18,6 +18,14 @@ def write_atomically(path: Path, content: bytes, error: type[MeshslamError] = Ma
     write_together({path: content}, path, error)
 
 
+def write_into(path: Path, content: str | bytes, error: type[MeshslamError] = MapError) -> None:
+    """Write a file of a folder that gets its name when it is whole; `error` names the file that cannot be written."""
+    try:
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    except OSError as problem:
+        raise _named(problem, path, error) from None
+
+
 def write_together(files: Mapping[Path, bytes], last: Path, error: type[MeshslamError] = MapError) -> None:
     """Write several files; `last`, one of them, tells that the others are there.
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from meshslam.errors import MeshslamError
-from meshslam.files.atomic import LEFTOVER_SUFFIX, sync_file, sync_folder
+from meshslam.files.atomic import LEFTOVER_SUFFIX, sync_file, sync_folder, write_into
 from meshslam.files.places import real_path
 
 LIST = ".meshslam-files.json"  # the names that were written
@@ -33,7 +33,7 @@ def replaced_folder(
         check()
         part.mkdir(parents=True)
         yield part
-        _write_list(part)
+        _write_list(part, error)
         if folder.exists():
             _take_along(folder, part, earlier, error)
         _put(folder, part, old)
@@ -52,10 +52,10 @@ def _recover(folder: Path, part: Path, old: Path) -> None:
     shutil.rmtree(part, ignore_errors=True)
 
 
-def _write_list(part: Path) -> None:
+def _write_list(part: Path, error: type[MeshslamError]) -> None:
     """List the files, and wait until all are on the disk."""
     names = sorted(_names(part))
-    (part / LIST).write_text(json.dumps({"files": names}, indent=1) + "\n", encoding="utf-8")
+    write_into(part / LIST, json.dumps({"files": names}, indent=1) + "\n", error)
     for name in (*names, LIST):
         sync_file(part / name)
 

@@ -29,7 +29,7 @@ class CameraStates:
 
     def __init__(self, window: Window, mounting: Mounting) -> None:
         self.newest = -1
-        self.rates_rad_s: dict[int, Floats] = {}  # angular rate at each frame there was, free of bias
+        self.rates_rad_s: dict[int, Floats] = {}  # angular rate at each frame that is kept, free of bias
         self._window, self._mounting = window, mounting
         self._times_s: dict[int, float] = {}  # of the frames that are held
         self._memos: dict[int, CameraMemo] = {}
@@ -90,7 +90,7 @@ class CameraStates:
         return FrameEstimate(state, self.mounting().world_from_camera(state, self.rates_rad_s[frame]))
 
     def world_from_camera(self, frame: int) -> Pose:
-        """The camera of any frame there was: the current estimate, or the last one before the frame left."""
+        """The camera of any frame that is kept: the current estimate, or the last one before the frame left."""
         return self._final[frame] if frame in self._final else self.estimate(frame).world_from_camera
 
     def mounting(self) -> Mounting:
@@ -112,10 +112,13 @@ class CameraStates:
         key = X(self.newest)
         self._window.values.update(key, to_pose3(moved @ from_pose3(self._window.values.atPose3(key))))
 
-    def retire(self, frames: list[int]) -> set[int]:
-        """Frames leave the window: their last estimate is kept. Returns their variables."""
+    def retire(self, frames: list[int], *, keep: bool) -> set[int]:
+        """Frames leave the window, their last estimates are kept or not. Returns their variables."""
         for frame in frames:
-            self._final[frame] = self.estimate(frame).world_from_camera
+            if keep:
+                self._final[frame] = self.estimate(frame).world_from_camera
+            else:
+                del self.rates_rad_s[frame]
         self.drop(frames)
         return {key for f in frames for key in (X(f), V(f), B(f))}
 

@@ -111,7 +111,7 @@ class Smoother:
 
     def retire(self) -> None:
         """States older than the lag, and objects that only they observed, become a linearized prior."""
-        keys = self.cameras.retire(self._too_old())
+        keys = self.cameras.retire(self._too_old(), keep=self.history is not None)
         keys |= self.objects.retire_unobserved()
         if self.history is None:
             self.window.marginalize(keys)

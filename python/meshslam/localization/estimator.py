@@ -66,7 +66,8 @@ class LocalizationEstimator:
     keypoint_names: Mapping[str, tuple[str, ...]]
     estimation: EstimationConfig
     config: LocalizationConfig
-    path: dict[int, Pose] = field(default_factory=dict)  # world_from_camera of every frame, as last estimated
+    keep_path: bool = True  # of all frames; else of those that the lag holds
+    path: dict[int, Pose] = field(default_factory=dict)  # world_from_camera by frame, as last estimated
     moved: dict[int, int] = field(default_factory=dict)  # object to the frame at which it was found moved
 
     def __post_init__(self) -> None:
@@ -233,6 +234,8 @@ class LocalizationEstimator:
 
     def _take_estimates(self) -> None:
         """Take over the smoother's estimates of the frames that it holds."""
+        if not self.keep_path:
+            self.path.clear()
         for index in self._smoother.frames:
             self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
         self._state = self._smoother.estimate(self._smoother.frame).state

@@ -242,7 +242,9 @@ class Localizer:
 
     def _fresh(self, estimation: EstimationConfig) -> LocalizationEstimator:
         mounting, config = Mounting(self._imu_from_camera), self._settings.localization
-        return LocalizationEstimator(self._camera, self._objects, mounting, self._names, estimation, config)
+        return LocalizationEstimator(
+            self._camera, self._objects, mounting, self._names, estimation, config, keep_path=False
+        )
 
     def _suffices(self) -> bool:
         if not self._stream.has_samples():

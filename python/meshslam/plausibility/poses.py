@@ -86,8 +86,8 @@ def judge_jumps(times_s: Floats, poses: Sequence[Pose], source: str) -> list[Fin
         return []
     worst = int(fast[np.argmax(speeds[fast])])
     message = (
-        f"{source}: jumps between poses: {len(fast)}, the greatest from {times_s[worst]:.3f} s to {times_s[worst + 1]:.3f} s: "
-        f"{lengths[worst]:.4g} m, {speeds[worst]:.4g} m/s: broken poses, or another unit"
+        f"{source}: jumps between poses: {len(fast)}, the greatest from {times_s[worst]:.3f} s to "
+        f"{times_s[worst + 1]:.3f} s: {lengths[worst]:.4g} m, {speeds[worst]:.4g} m/s: broken poses, or another unit"
     )
     figures = {"jumps": float(len(fast)), "speed_m_s": float(speeds[worst])}
     return [Finding("poses_jump", message, "error" if speeds[worst] > _IMPOSSIBLE_M_S else "note", figures)]

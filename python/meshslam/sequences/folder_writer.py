@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from meshslam.errors import SequenceError
+from meshslam.files import write_into
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.imu_files import IMU_COLUMNS
@@ -51,7 +52,7 @@ def write_sequence_folder(
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             if text is not None:
-                (folder / name).write_text(text, encoding="utf-8")
+                write_into(folder / name, text, SequenceError)
         for i, image in enumerate(images or []):
             _write_png(folder / "images" / f"{i:06d}.png", image)
     except OSError as error:
@@ -111,4 +112,4 @@ def _write_png(path: Path, image: Bytes) -> None:
     done, code = cv2.imencode(".png", image)
     if not done:
         raise SequenceError(f"{path}: an image of shape {image.shape} cannot be written as PNG")
-    path.write_bytes(code.tobytes())
+    write_into(path, code.tobytes(), SequenceError)

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from meshslam.errors import SequenceError
+from meshslam.files import write_into
 from meshslam.geometry import Bools, Bytes, Floats, Rendering, render
 from meshslam.maps import PlyMesh, format_ply
 from meshslam.objects import signed_distance
@@ -182,12 +183,12 @@ def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: P
     try:
         (folder / "meshes").mkdir(exist_ok=True)
         for car in parked:
-            (folder / _mesh_name(car)).write_bytes(format_ply(PlyMesh(car.vertices, car.faces)))
+            write_into(folder / _mesh_name(car), format_ply(PlyMesh(car.vertices, car.faces)), SequenceError)
         document = {"objects": [_truth_entry(car) for car in parked]}
-        (folder / "objects.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        (folder / "association.json").write_text(json.dumps(object_of_annotation) + "\n", encoding="utf-8")
+        write_into(folder / "objects.json", json.dumps(document, indent=1) + "\n", SequenceError)
+        write_into(folder / "association.json", json.dumps(object_of_annotation) + "\n", SequenceError)
         path = format_tum(street.times_s, street.world_from_camera)
-        (folder / "groundtruth.tum").write_text(path, encoding="utf-8")
+        write_into(folder / "groundtruth.tum", path, SequenceError)
     except OSError as error:
         raise SequenceError(f"{error.filename or folder}: cannot be written: {error.strerror}") from None
 
