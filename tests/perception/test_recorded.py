@@ -9,7 +9,7 @@ import pytest
 from meshslam.errors import ConfigError, DetectionError
 from meshslam.geometry import Camera
 from meshslam.perception import encode_mask, read_recorded_detections, renamings, untracked
-from meshslam.sequences import Sequence
+from meshslam.sequences import ImageFiles, Sequence
 
 WIDTH, HEIGHT, COUNT = 64, 48, 4
 CAMERA = Camera(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5)
@@ -19,7 +19,15 @@ def recording(names=None, frames=range(COUNT)):
     """A sequence of some frames, with images of these names or without images."""
     paths = None if names is None else tuple(Path("images", name) for name in names)
     numbers = tuple(frames)
-    return Sequence("s", "folder", Path("s"), CAMERA, numbers, np.arange(len(numbers)) * 0.1, image_paths=paths)
+    return Sequence(
+        "s",
+        "folder",
+        Path("s"),
+        CAMERA,
+        numbers,
+        np.arange(len(numbers)) * 0.1,
+        images=None if paths is None else ImageFiles(paths),
+    )
 
 
 def mask(x, y, w=12, h=10):

@@ -8,7 +8,7 @@ import pytest
 from meshslam.errors import DetectionError
 from meshslam.perception import read_recorded_detections
 from meshslam.runs.checking import detection_problems
-from meshslam.sequences import inspect_sequence, open_sequence, write_sequence_folder
+from meshslam.sequences import RecordingOptions, inspect_sequence, open_sequence, write_sequence_folder
 from tests.sequences.conftest import CAMERA, FRAMES, coco_document
 
 
@@ -20,7 +20,7 @@ def folder(tmp_path):
 
 def check_recording(folder, detections_path=None):
     """What `check` says of files, without its judgements."""
-    recording, problems = inspect_sequence(folder, detections_path=detections_path)
+    recording, problems = inspect_sequence(folder, RecordingOptions(detections_path=detections_path))
     return [*problems, *detection_problems(folder, detections_path, recording)]
 
 

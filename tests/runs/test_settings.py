@@ -54,7 +54,19 @@ def another(known, config):
     raise AssertionError(known.name)
 
 
-ADDED = ("input.category_names", "input.allow_outside")  # since 0.1
+ADDED = (  # since 0.1
+    "input.category_names",
+    "input.allow_outside",
+    "input.camera_file",
+    "input.size",
+    "input.topics",
+    "input.frames",
+    "input.from_s",
+    "input.to_s",
+    "input.imu_time_offset_s",
+    "input.poses",
+    "input.poses_time_offset_s",
+)
 
 
 def test_every_setting_says_what_it_is():

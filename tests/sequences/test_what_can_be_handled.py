@@ -15,6 +15,7 @@ from meshslam.geometry import Pose
 from meshslam.sequences import (
     CONVENTIONS,
     ImuSamples,
+    RecordingOptions,
     check_sequence,
     in_convention,
     inspect_sequence,
@@ -38,7 +39,7 @@ def turning_path(times_s):
 
 
 def problems_and_notes(path, **options):
-    found = inspect_sequence(path, **options)[1]
+    found = inspect_sequence(path, RecordingOptions(**options))[1]
     return ([str(p) for p in found if p.severity == kind] for kind in ("problem", "note"))
 
 
@@ -168,7 +169,7 @@ class TestPoses:
     def test_what_does_not_go_together_is_refused(self, folder, odometry, tmp_path):
         with pytest.raises(SequenceError, match="known are camera, quaternion-first"):
             open_sequence(folder, poses_convention="wxyz")
-        with pytest.raises(SequenceError, match="sequence folder only"):
+        with pytest.raises(SequenceError, match="sequence folder, or --poses FILE, only"):
             open_sequence(odometry, poses_convention="body")
         (tmp_path / "m.json").write_text(json.dumps(np.eye(4).tolist()))
         with pytest.raises(SequenceError, match="not of the convention"):

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import json as json_text
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from meshslam.cli.options import CameraFromBody, CameraNumber, Detections, Extrinsics, ImuFile, Layout, PosesConvention
+from meshslam.cli.options import Detections, takes_recording
 
 
+@takes_recording
 def check(
-    sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
-    layout: Layout = None,
-    camera: CameraNumber = None,
+    sequence: Annotated[Path, typer.Argument(help="Folder or file of the recording.")],
     detections: Detections = None,
-    imu: ImuFile = None,
-    imu_from_camera: Extrinsics = None,
-    poses_convention: PosesConvention = None,
-    camera_from_body: CameraFromBody = None,
     json: Annotated[bool, typer.Option("--json", help="Print problems and notes with their figures as JSON.")] = False,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
     """List every problem of a recording, one a line; exit code 1 if there is any.
 
@@ -33,13 +30,8 @@ def check(
 
     given = {
         "sequence": sequence,
-        "layout": layout,
-        "camera": camera,
+        **recording,
         "detections": detections,
-        "imu": imu,
-        "imu_from_camera": imu_from_camera,
-        "poses_convention": poses_convention,
-        "camera_from_body": camera_from_body,
     }
     values = {
         key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None

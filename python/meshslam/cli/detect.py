@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from meshslam.cli.options import (
-    CameraNumber,
     ConfigFile,
     Keypoints,
-    Layout,
     Segmenter,
+    takes_recording,
     with_input,
     with_keypoint_network,
 )
 
 
+@takes_recording
 def detect(
-    sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    sequence: Annotated[Path, typer.Argument(help="Folder or file of the recording.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     segmenter: Segmenter = None,
-    layout: Layout = None,
-    camera: CameraNumber = None,
     keypoints: Keypoints = None,
     config: ConfigFile = None,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
     """Segment every frame of a recording and write the detections.
 
@@ -37,7 +37,7 @@ def detect(
     from meshslam.runs import open_input, read_config, segment_frames, with_keypoints
 
     settings = read_config(config, "detect")
-    settings = with_input(settings, sequence=sequence, layout=layout, camera=camera, segmenter=segmenter)
+    settings = with_input(settings, sequence=sequence, segmenter=segmenter, **recording)
     settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)
     with run_outlet() as outlet:

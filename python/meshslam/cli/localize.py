@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from meshslam.cli.options import (
     AsJson,
-    CameraFromBody,
-    CameraNumber,
     ConfigFile,
     Detections,
-    Extrinsics,
-    ImuFile,
     Keypoints,
-    Layout,
     Overwrite,
-    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
+    takes_recording,
     with_input,
     with_keypoint_network,
 )
 
 
+@takes_recording
 def localize(
     sequence: SequenceFolder = None,
     map_path: Annotated[Path | None, typer.Option("--map", help="A run, its map.json, or an objects.json.")] = None,
@@ -34,19 +30,15 @@ def localize(
     allow_outside: Annotated[
         bool, typer.Option("--allow-outside", help="Read meshes outside the map's folder.")
     ] = False,
-    imu: ImuFile = None,
-    imu_from_camera: Extrinsics = None,
     segmenter: Segmenter = None,
     detections: Detections = None,
-    layout: Layout = None,
-    camera: CameraNumber = None,
-    poses_convention: PosesConvention = None,
-    camera_from_body: CameraFromBody = None,
     keypoints: Keypoints = None,
     solver: Annotated[str | None, typer.Option(help="smoother, or gradient: the paper's, pose by pose.")] = None,
     config: ConfigFile = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
     """Find the camera of every frame in a map of meshes, by IMU, masks and key points.
 
@@ -61,16 +53,11 @@ def localize(
     settings = with_input(
         read_config(config, "localize"),
         sequence=sequence,
+        **recording,
         map=map_path,
         allow_outside=allow_outside or None,
-        imu=imu,
-        imu_from_camera=imu_from_camera,
         segmenter=segmenter,
         detections=detections,
-        layout=layout,
-        camera=camera,
-        poses_convention=poses_convention,
-        camera_from_body=camera_from_body,
     )
     settings = with_keypoint_network(settings, keypoints)
     if solver is not None:

@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from meshslam.cli.options import (
     AsJson,
-    CameraFromBody,
-    CameraNumber,
     CategoryName,
     ConfigFile,
     Detections,
     Keypoints,
-    Layout,
     Overwrite,
-    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
+    takes_recording,
     with_input,
     with_keypoint_network,
 )
 
 
+@takes_recording
 def map_(
     sequence: SequenceFolder = None,
     out: RunFolder = Path("run"),
     segmenter: Segmenter = None,
     detections: Detections = None,
-    layout: Layout = None,
-    camera: CameraNumber = None,
-    poses_convention: PosesConvention = None,
-    camera_from_body: CameraFromBody = None,
     category: CategoryName = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
     solver: Annotated[
@@ -44,6 +38,8 @@ def map_(
     config: ConfigFile = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
     """Map a recording with known camera poses: every parked car with its pose and its own mesh.
 
@@ -58,12 +54,9 @@ def map_(
     settings = with_input(
         read_config(config, "map"),
         sequence=sequence,
+        **recording,
         segmenter=segmenter,
         detections=detections,
-        layout=layout,
-        camera=camera,
-        poses_convention=poses_convention,
-        camera_from_body=camera_from_body,
         category=category,
     )
     settings = with_keypoint_network(settings, keypoints)

@@ -2,44 +2,120 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
     from meshslam.runs import Config
 
-SequenceFolder = Annotated[Path | None, typer.Argument(help="Folder of the recording.")]
+SequenceFolder = Annotated[Path | None, typer.Argument(help="Folder or file of the recording.")]
 RunFolder = Annotated[Path, typer.Option(help="Run directory to write; found again, it is resumed.")]
 Segmenter = Annotated[
     str | None, typer.Option(help="ONNX file, a name in `meshslam models list`, or colour: a simulated world's.")
 ]
 Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
-Layout = Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder, where the path does not tell.")]
-CameraNumber = Annotated[int | None, typer.Option(help="Which camera of the layout, or of the extrinsics' file.")]
 CategoryName = Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")]
 Keypoints = Annotated[
     bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
 ]
-ImuFile = Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")]
-Extrinsics = Annotated[Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")]
-PosesConvention = Annotated[
+Camera = Annotated[
     str | None,
     typer.Option(
-        help="What poses.tum holds: camera (world_from_camera, z up), quaternion-first, camera-from-world, "
-        "first-camera-world or body."
+        help="Which camera of the layout or of the extrinsics' file (a number); or a file with the camera, for "
+        "recordings that have none."
     ),
 ]
-CameraFromBody = Annotated[
-    Path | None, typer.Option(help="poses.tum holds world_from_body: camera_from_body, 4x4 in YAML or JSON.")
-]
+ImuFile = Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")]
+RECORDING: dict[str, Any] = {  # what each command that opens a recording takes, by the setting of `input`
+    "layout": Annotated[str | None, typer.Option(help="Layout, where the path does not tell: kitti-raw, folder, …")],
+    "camera": Camera,
+    "size": Annotated[
+        str | None, typer.Option(help="Size of the images, 640x480, if the camera's file is of another.")
+    ],
+    "topic": Annotated[
+        list[str] | None, typer.Option(help="Topics of a bag: image=/camera/image_raw, camera=, imu=, poses=.")
+    ],
+    "frames": Annotated[
+        str | None, typer.Option(help="Frames by number, such as 100:600:2: from 100 on, below 600, every second.")
+    ],
+    "from_": Annotated[str | None, typer.Option("--from", help="Begin so long after the first frame: 12.5s.")],
+    "to": Annotated[str | None, typer.Option(help="End so long after the first frame: 40s.")],
+    "imu": ImuFile,
+    "imu_from_camera": Annotated[
+        Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")
+    ],
+    "imu_time_offset": Annotated[
+        float | None, typer.Option(help="Seconds by which the IMU's clock is ahead of the camera's.")
+    ],
+    "poses": Annotated[
+        Path | None, typer.Option(help="Poses (TUM, EuRoC, VINS, KITTI, COLMAP's images.txt) instead of the layout's.")
+    ],
+    "poses_convention": Annotated[
+        str | None,
+        typer.Option(
+            help="What the poses are: camera (world_from_camera, z up), quaternion-first, camera-from-world, "
+            "first-camera-world or body."
+        ),
+    ],
+    "camera_from_body": Annotated[
+        Path | None, typer.Option(help="The poses are world_from_body: camera_from_body, 4x4 in YAML or JSON.")
+    ],
+    "poses_time_offset": Annotated[
+        float | None, typer.Option(help="Seconds by which the poses' clock is ahead of the camera's.")
+    ],
+}
 ConfigFile = Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")]
 Overwrite = Annotated[bool, typer.Option(help="Replace a run of other settings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
 
 
-def with_input(settings: Config, **given: str | int | Path | None) -> Config:
+def takes_recording(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameter `recording` becomes the flags of `RECORDING`: it gets them as settings of `input`."""
+    own = inspect.signature(command, eval_str=True)
+    flags = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=hint)
+        for name, hint in RECORDING.items()
+        if name not in own.parameters  # slam has its own --poses
+    ]
+    others = [p for p in own.parameters.values() if p.name != "recording"]
+
+    @functools.wraps(command)
+    def taken(**given: Any) -> None:  # noqa: ANN401 # whatever the flags hold
+        recording = _settings_of_flags({flag.name: given.pop(flag.name) for flag in flags})
+        command(**given, recording=recording)
+
+    kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others]
+    taken.__signature__ = own.replace(parameters=[*kept, *flags])  # type: ignore[attr-defined] # typer reads it
+    taken.__annotations__ = {p.name: p.annotation for p in [*kept, *flags]}
+    del taken.__wrapped__
+    return taken
+
+
+def _settings_of_flags(given: dict[str, Any]) -> dict[str, Any]:
+    from meshslam.sequences import read_seconds
+
+    camera = given.pop("camera")
+    if camera is not None:
+        given["camera" if camera.isascii() and camera.isdigit() else "camera_file"] = camera
+    found = {
+        "camera": None if given.get("camera") is None else int(given.pop("camera")),
+        "camera_file": None if given.get("camera_file") is None else Path(given.pop("camera_file")),
+        "topics": list(given.pop("topic") or []) or None,
+        "from_s": None if given["from_"] is None else read_seconds(given["from_"]),
+        "to_s": None if given["to"] is None else read_seconds(given["to"]),
+        "imu_time_offset_s": given.pop("imu_time_offset"),
+        "poses_time_offset_s": given.pop("poses_time_offset"),
+    }
+    del given["from_"], given["to"]
+    return {key: value for key, value in (given | found).items() if value is not None}
+
+
+def with_input(settings: Config, **given: Any) -> Config:  # noqa: ANN401 # whatever the settings hold
     """The settings with what was given of their input; files by their whole paths, so that a run can be repeated."""
     from meshslam.runs import overlaid
 
@@ -54,7 +130,7 @@ def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
     return settings if keypoints is None else overlaid(settings, {"keypoints": {"enabled": keypoints}}, "flags")
 
 
-def _plain(key: str, value: str | int | Path) -> str | int:
+def _plain(key: str, value: Any) -> Any:  # noqa: ANN401 # whatever a flag holds
     from meshslam.files import real_path
 
     if isinstance(value, Path):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from meshslam.cli.options import ConfigFile, Extrinsics, ImuFile, Overwrite, Segmenter, with_input
+from meshslam.cli.options import ConfigFile, Overwrite, Segmenter, with_input
 
 if TYPE_CHECKING:
     from meshslam.experiments import Experiment
@@ -50,9 +50,11 @@ def localization(
     out: Out = Path("reproduce_localization"),
     seed: Seed = 0,
     poses: Annotated[Path | None, typer.Option(help="Path that was driven: TUM, or KITTI's NN.txt.")] = None,
-    imu: ImuFile = None,
+    imu: Annotated[Path | None, typer.Option(help="IMU samples (CSV).")] = None,
     times: Annotated[Path | None, typer.Option(help="Times of KITTI's poses, if not beside them.")] = None,
-    imu_from_camera: Extrinsics = None,
+    imu_from_camera: Annotated[
+        Path | None, typer.Option(help="Extrinsics: 4x4 in YAML or JSON, or Kalibr's camchain-imucam.")
+    ] = None,
     start: Annotated[int, typer.Option(min=0, help="First pose of the file to use.")] = 0,
     frames: Annotated[int, typer.Option(min=2, help="Frames to draw.")] = 70,
     config: Annotated[Path | None, typer.Option(help="YAML file with settings of localization.")] = None,

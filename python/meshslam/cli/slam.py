@@ -3,44 +3,37 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from meshslam.cli.options import (
     AsJson,
-    CameraFromBody,
-    CameraNumber,
     ConfigFile,
     Detections,
-    Extrinsics,
-    ImuFile,
     Keypoints,
-    Layout,
     Overwrite,
-    PosesConvention,
     RunFolder,
     Segmenter,
     SequenceFolder,
+    takes_recording,
     with_input,
     with_keypoint_network,
 )
 
 
+@takes_recording
 def slam(
     sequence: SequenceFolder = None,
     out: RunFolder = Path("run"),
-    imu: ImuFile = None,
-    imu_from_camera: Extrinsics = None,
     segmenter: Segmenter = None,
     detections: Detections = None,
-    layout: Layout = None,
-    camera: CameraNumber = None,
-    poses_convention: PosesConvention = None,
-    camera_from_body: CameraFromBody = None,
     keypoints: Keypoints = None,
     poses: Annotated[
-        str | None, typer.Option(help="none, or odometry: known poses tell each step, with noise, instead of the IMU.")
+        str | None,
+        typer.Option(
+            help="none, or odometry: known poses tell each step, with noise, instead of the IMU; or a file of poses."
+        ),
     ] = None,
     solver: Annotated[
         str | None, typer.Option(help="smoother, or gradient: the paper's joint problem, by gradient descent.")
@@ -48,6 +41,8 @@ def slam(
     config: ConfigFile = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
     """Find camera path and cars together, from detections and IMU, or from images alone; poses are not needed.
 
@@ -62,18 +57,18 @@ def slam(
     settings = with_input(
         read_config(config, "slam"),
         sequence=sequence,
-        imu=imu,
-        imu_from_camera=imu_from_camera,
+        **recording,
         segmenter=segmenter,
         detections=detections,
-        layout=layout,
-        camera=camera,
-        poses_convention=poses_convention,
-        camera_from_body=camera_from_body,
     )
     settings = with_keypoint_network(settings, keypoints)
     if poses is not None:
-        settings = overlaid(settings, {"slam": {"poses": poses}}, "--poses")
+        known = poses in ("none", "odometry") or not Path(poses).exists()
+        settings = (
+            overlaid(settings, {"slam": {"poses": poses}}, "--poses")
+            if known
+            else with_input(settings, poses=Path(poses))
+        )
     if solver is not None:
         settings = overlaid(settings, {"slam": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:

@@ -132,7 +132,7 @@ def _pictures(
     ]
     if scene.objects:
         pictures.append(Picture(f"{prefix}_meshes.png", "The mean mesh above, instances below.", png(_meshes(scene))))
-    if drive.recording.image_paths is not None:
+    if drive.recording.images is not None:
         overlays = _overlays(drive, scene, path, found)
         pictures.append(Picture(f"{prefix}_overlays.png", "Detections and drawn meshes.", png(overlays)))
     return pictures

@@ -79,9 +79,23 @@ def _put(folder: Path, part: Path, old: Path) -> None:
         if old.exists() and not folder.exists():
             old.rename(folder)
         raise
-    sync_folder(folder.parent)
-    if old.exists():
-        _drop_old(folder, old)
+    try:
+        sync_folder(folder.parent)
+    finally:
+        _end(folder, old)
+
+
+def _end(folder: Path, old: Path) -> None:
+    """Remove the old folder, even if Ctrl-C comes meanwhile."""
+    try:
+        if old.exists():
+            _drop_old(folder, old)
+    except OSError:
+        raise
+    except BaseException:
+        if old.exists():
+            _drop_old(folder, old)
+        raise
 
 
 def _drop_old(folder: Path, old: Path) -> None:

@@ -112,7 +112,7 @@ def _checked(sequence: Sequence, settings: SlamSettings) -> Sequence:
                 "KITTI raw, poses/NN.txt in KITTI odometry"
             )
         return sequence
-    if sequence.imu is None and sequence.image_paths is not None:
+    if sequence.imu is None and sequence.images is not None:
         return replace(sequence, initial_state=None)  # its velocity is no measure for images alone
     if sequence.imu is None:
         raise SequenceError(
@@ -147,7 +147,7 @@ def _fed(
     by_odometry = settings.slam.poses == "odometry"
     for index, number in enumerate(sequence.frame_ids):
         frame = StreamFrame(number, float(sequence.times_s[index]), by_frame.get(number, ()))
-        image = sequence.read_image(index) if sequence.image_paths is not None else None
+        image = sequence.read_image(index) if sequence.images is not None else None
         odometry = poses[index] if by_odometry and poses is not None else None
         imu = sequence.imu if index == 0 else None
         yield slam.process_tracked(frame, image=image, imu=imu, odometry=odometry, progress=progress)

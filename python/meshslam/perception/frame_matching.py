@@ -52,17 +52,17 @@ def _last_part(name: str) -> str:
 
 def _by_file(names: Mapping[int, str], sequence: Sequence) -> dict[int, int]:
     """Frames by the names of the recording's own images; empty if none matches."""
-    paths = sequence.image_paths or ()
+    own = () if sequence.images is None else sequence.images.names
     for part in (str, _stem):
-        found = _table(part, paths, sequence.frame_ids)
+        found = _table(part, own, sequence.frame_ids)
         matched = {id_: found[part(name)] for id_, name in names.items() if part(name) in found}
         if matched:
             return matched
     return {}
 
 
-def _table(part: Callable[[str], str], paths: Iterable[Path], frames: Iterable[int]) -> dict[str, int]:
-    return {part(path.name): frame for path, frame in zip(paths, frames, strict=False)}
+def _table(part: Callable[[str], str], names: Iterable[str], frames: Iterable[int]) -> dict[str, int]:
+    return {part(name): frame for name, frame in zip(names, frames, strict=False)}
 
 
 def _stem(name: str) -> str:

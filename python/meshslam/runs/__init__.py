@@ -7,12 +7,13 @@ from meshslam.runs.judging import check_recording
 from meshslam.runs.localize_run import run_localize
 from meshslam.runs.map_run import map_recording, run_map
 from meshslam.runs.notes import imu_notes, object_notes
+from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import segment_frames, with_keypoints
 from meshslam.runs.report import save_localization_report, save_map_report
 from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
 from meshslam.runs.slam_run import run_slam
-from meshslam.runs.stages import metrics_json, open_input
+from meshslam.runs.stages import metrics_json
 from meshslam.runs.truth import paths_against_truth, true_path
 
 __all__ = [

@@ -15,6 +15,7 @@ from meshslam.runs import stages
 from meshslam.runs.config import Config
 from meshslam.runs.localize_run import localize_recording
 from meshslam.runs.map_run import MapResult, map_recording
+from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.slam_run import slam_recording
 from meshslam.sequences import Sequence
@@ -158,9 +159,7 @@ def _opened(
     if category is not None:
         chosen = replace(chosen, category=category)
     recording = (
-        drive
-        if isinstance(drive, Sequence)
-        else stages.open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
+        drive if isinstance(drive, Sequence) else open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
     )
     outlet = Outlet() if progress is None else Outlet(progress)
     return recording, replace(settings, input=chosen), outlet

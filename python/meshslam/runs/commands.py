@@ -6,10 +6,19 @@ _RECORDING = (
     "input.sequence",
     "input.layout",
     "input.camera",
+    "input.camera_file",
+    "input.size",
+    "input.topics",
+    "input.frames",
+    "input.from_s",
+    "input.to_s",
     "input.imu",
     "input.imu_from_camera",
+    "input.imu_time_offset_s",
+    "input.poses",
     "input.poses_convention",
     "input.camera_from_body",
+    "input.poses_time_offset_s",
 )
 _PERCEPTION = ("input.segmenter", "segmentation", "colour", "keypoints")
 _SEEN = (*_RECORDING, "input.detections", "input.category_names", *_PERCEPTION)

@@ -19,9 +19,15 @@ from meshslam.settings import Settings, public
 class InputConfig(Settings):
     """What a run reads."""
 
-    sequence: str = public("", doc="folder of the recording")
-    layout: str | None = public(None, doc="kitti-raw, kitti-odometry or folder, where the path does not tell")
+    sequence: str = public("", doc="folder or file of the recording")
+    layout: str | None = public(None, doc="layout of the recording, where the path does not tell: kitti-raw, folder, …")
     camera: int | None = public(None, low=0, doc="which of the cameras of the layout, or of the extrinsics' file")
+    camera_file: str | None = public(None, doc="file with the camera, for recordings that have none")
+    size: str | None = public(None, doc="size of the images, 640x480, if the camera's file is of another")
+    topics: tuple[str, ...] = public((), doc="topics of a bag: image=/camera/image_raw, camera=, imu=, poses=")
+    frames: str | None = public(None, doc="frame numbers FIRST:END:STRIDE, such as 100:600:2")
+    from_s: float | None = public(None, low=0, doc="begin so many seconds after the first frame")
+    to_s: float | None = public(None, low=0, doc="end so many seconds after the first frame")
     segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
     detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
     category_names: tuple[str, ...] = public((), doc="classes of the detections that are others of ours: vehicle=car")
@@ -30,8 +36,11 @@ class InputConfig(Settings):
     allow_outside: bool = public(False, doc="read meshes of the map that are outside its folder")
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
     imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
-    poses_convention: Convention = public("camera", doc="what poses.tum holds: world_from_camera with z up, or another")
-    camera_from_body: str | None = public(None, doc="poses.tum holds world_from_body: camera_from_body, 4 x 4")
+    imu_time_offset_s: float = public(0.0, doc="by which the IMU's clock is ahead of the camera's")
+    poses: str | None = public(None, doc="file of poses (TUM, EuRoC, VINS, KITTI, COLMAP) instead of the layout's own")
+    poses_convention: Convention = public("camera", doc="what the poses are: world_from_camera with z up, or another")
+    camera_from_body: str | None = public(None, doc="the poses are world_from_body: camera_from_body, 4 x 4")
+    poses_time_offset_s: float = public(0.0, doc="by which the poses' clock is ahead of the camera's")
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ def input_digests(command: str, recording: Sequence, settings: Config) -> dict[s
     found = recording_digests(recording)
     if uses(command, "input.category"):
         found["category"] = digest_of(load_category(chosen.category))
-    if recording.image_paths is not None:
+    if recording.images is not None:
         found["images"] = digest_of(image_digests(recording))
         found |= network_digests(recording, settings)
     if given is not None and chosen.segmenter is None and given.is_file():
@@ -46,8 +46,8 @@ def recording_digests(recording: Sequence) -> dict[str, str]:
 
 
 def image_digests(recording: Sequence) -> tuple[str, ...]:
-    """The digest of each image file; what cannot be read is told when it is looked at."""
-    return tuple(digest_of_file(path) if path.is_file() else "missing" for path in recording.image_paths or ())
+    """A text for each image that is another for other content."""
+    return () if recording.images is None else recording.images.digests()
 
 
 def network_digests(recording: Sequence, settings: Config) -> dict[str, str]:

@@ -28,6 +28,7 @@ from meshslam.plausibility import (
 )
 from meshslam.runs.checking import detection_problems
 from meshslam.runs.config import InputConfig
+from meshslam.runs.opening import recording_options
 from meshslam.runs.outlet import Outlet
 from meshslam.sequences import Sequence, inspect_sequence
 
@@ -39,17 +40,7 @@ def check_recording(chosen: InputConfig) -> list[Finding]:
 
     Nothing is estimated, but every image is decoded.
     """
-    files = [None if f is None else Path(f) for f in (chosen.imu, chosen.imu_from_camera, chosen.camera_from_body)]
-    recording, problems = inspect_sequence(
-        chosen.sequence,
-        chosen.layout,
-        chosen.camera,
-        None if chosen.detections is None else Path(chosen.detections),
-        imu=files[0],
-        imu_from_camera=files[1],
-        poses_convention=chosen.poses_convention,
-        camera_from_body=files[2],
-    )
+    recording, problems = inspect_sequence(Path(chosen.sequence), recording_options(chosen))
     given = None if chosen.detections is None else Path(chosen.detections)
     problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording)]
     found = [Finding("input", str(p), "error" if p.severity == "problem" else "note") for p in problems]

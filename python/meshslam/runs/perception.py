@@ -123,7 +123,7 @@ def with_keypoints(recording: Sequence, found: DetectionSet, config: Config, out
 
 def _finder(recording: Sequence, config: Config) -> KeypointFinder | None:
     """The key point network, where there are images and it is not switched off."""
-    wanted = config.keypoints.enabled and recording.image_paths is not None
+    wanted = config.keypoints.enabled and recording.images is not None
     return KeypointFinder(config.keypoints) if wanted else None
 
 
@@ -136,7 +136,7 @@ def follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Out
 
     return track(
         found,
-        read if recording.image_paths is not None else None,
+        read if recording.images is not None else None,
         config.tracking,
         turn=turns(recording),
         progress=lambda frame: outlet.progress("track", index.get(frame, -1) + 1, len(index)),

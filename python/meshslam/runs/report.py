@@ -72,7 +72,7 @@ def _save(
         camera=recording.camera,
         frame_ids=recording.frame_ids,
         world_from_camera=world_from_camera,
-        read_image=recording.read_image if recording.image_paths is not None else None,
+        read_image=recording.read_image if recording.images is not None else None,
         detections=detections,
         map=scene,
         left_out=tuple(left_out),

@@ -23,11 +23,12 @@ from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
-from meshslam.runs.config import Config, InputConfig
+from meshslam.runs.config import Config
 from meshslam.runs.inputs import input_digests
+from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
-from meshslam.sequences import Sequence, camera_yaml, open_sequence
+from meshslam.sequences import Sequence, camera_yaml
 
 
 @dataclass
@@ -49,21 +50,6 @@ class Clock:
         """Count a part of one stage's time as another's."""
         self.seconds[from_stage] = self.seconds.get(from_stage, 0.0) - seconds
         self.seconds[to_stage] = self.seconds.get(to_stage, 0.0) + seconds
-
-
-def open_input(chosen: InputConfig, *, use_imu: bool = True) -> Sequence:
-    """Open the recording that a run reads; without `use_imu` a sequence folder's IMU is not read."""
-    if not chosen.sequence:
-        raise SequenceError("no recording is named: give its folder, or input.sequence in the configuration")
-    given = (chosen.sequence, chosen.layout, chosen.camera, chosen.detections)
-    return open_sequence(
-        *given,
-        imu=chosen.imu,
-        imu_from_camera=chosen.imu_from_camera,
-        poses_convention=chosen.poses_convention,
-        camera_from_body=chosen.camera_from_body,
-        use_imu=use_imu,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +112,7 @@ def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet
         need_poses(recording),
         recording.height_above_ground_m,
     )
-    if recording.image_paths is None or not config.rotations.enabled:
+    if recording.images is None or not config.rotations.enabled:
         return frames
     return correct_rotations(frames, recording.read_image, found.by_frame(), config.rotations, outlet.progress)
 

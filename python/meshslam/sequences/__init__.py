@@ -5,11 +5,14 @@ from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA,
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.folder import read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
+from meshslam.sequences.image_source import ImageFiles, ImageSource
 from meshslam.sequences.imu_files import read_camera_from_body, read_extrinsics, read_imu, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.opening import RecordingOptions
 from meshslam.sequences.path_files import read_path
-from meshslam.sequences.registry import LOADERS, find_loader, open_sequence
+from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with
 from meshslam.sequences.report import Problem, Report
+from meshslam.sequences.selection import TOPICS, read_seconds, read_selection, read_size, read_topics
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
 from meshslam.sequences.text import LARGEST, parsed_yaml
 from meshslam.sequences.tum import format_tum, read_tum
@@ -19,14 +22,18 @@ __all__ = [
     "CONVENTIONS",
     "LARGEST",
     "LOADERS",
+    "TOPICS",
     "WORLD_FROM_FIRST_CAMERA",
     "Convention",
     "Distortion",
+    "ImageFiles",
+    "ImageSource",
     "ImuSamples",
     "InitialState",
     "LoadOptions",
     "Loader",
     "Problem",
+    "RecordingOptions",
     "Report",
     "Sequence",
     "camera_yaml",
@@ -36,12 +43,17 @@ __all__ = [
     "in_convention",
     "inspect_sequence",
     "open_sequence",
+    "open_with",
     "parsed_yaml",
     "read_camera_file",
     "read_camera_from_body",
     "read_extrinsics",
     "read_imu",
     "read_path",
+    "read_seconds",
+    "read_selection",
+    "read_size",
+    "read_topics",
     "read_tum",
     "turns",
     "with_imu",

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import SequenceError
-from meshslam.sequences.conventions import Convention
-from meshslam.sequences.images import load_image
-from meshslam.sequences.imu_files import with_imu
-from meshslam.sequences.registry import find_loader, load_options
+from meshslam.sequences.image_source import ImageFiles, ImageSource
+from meshslam.sequences.opening import RecordingOptions, load_options, opened
+from meshslam.sequences.registry import find_loader
 from meshslam.sequences.report import Problem, Report
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
@@ -29,36 +28,27 @@ def check_sequence(
 
     Paths, calibration, times, poses, the IMU's rate and overlap, the images' sizes. Detections are checked elsewhere.
     """
-    return inspect_sequence(path, layout, camera_number, detections_path)[1]
+    given = RecordingOptions(layout=layout, camera_number=camera_number, detections_path=detections_path)
+    return inspect_sequence(Path(path), given)[1]
 
 
-def inspect_sequence(
-    path: Path | str,
-    layout: str | None = None,
-    camera_number: int | None = None,
-    detections_path: Path | None = None,
-    *,
-    imu: Path | None = None,
-    imu_from_camera: Path | None = None,
-    poses_convention: Convention = "camera",
-    camera_from_body: Path | None = None,
-) -> tuple[Sequence | None, list[Problem]]:
+def inspect_sequence(path: Path, given: RecordingOptions) -> tuple[Sequence | None, list[Problem]]:
     """The recording, if anything can be made of it, and the problems and notes of `check_sequence`."""
-    path, report = Path(path), Report(collect=True)
-    sequence = None
+    report, sequence = Report(collect=True), None
     try:
-        loader = find_loader(path, layout)
-        files = (detections_path, imu, imu_from_camera, poses_convention, camera_from_body)
-        options = load_options(loader, path, camera_number, *files)
-        sequence = report.attempt(lambda: loader.load(path, options, report))
-        if sequence is not None and (imu is not None or imu_from_camera is not None):
-            number = camera_number if loader.name == "folder" else None
-            sequence = with_imu(sequence, imu, imu_from_camera, number)
+        loader = find_loader(path, given.layout)
+        sequence = report.attempt(lambda: opened(loader, path, given, report))
     except SequenceError as error:
         return sequence, [*report.problems, Problem(path, "", str(error).removeprefix(f"{path}: "))]
-    raw, bits = (None, None) if sequence is None else (sequence.raw_camera, sequence.image_bits)
-    for image in report.attempt(lambda: loader.image_files(path, options)) or []:
-        report.attempt(partial(load_image, image, None if raw is None else (raw.width, raw.height), bits))
+    options = load_options(loader, path, given)
+    images: ImageSource | None = None if sequence is None else sequence.images
+    if sequence is None:
+        files = report.attempt(lambda: loader.image_files(path, options))
+        images = ImageFiles(tuple(files)) if files else None
+    size = None if sequence is None else (sequence.raw_camera.width, sequence.raw_camera.height)
+    if images is not None:
+        for index in range(len(images)):
+            report.attempt(partial(images.read, index, size))
     if sequence is not None:
         _check_imu(sequence, report)
     return sequence, report.problems

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,10 +13,11 @@ from meshslam.errors import GeometryError, SequenceError
 from meshslam.files import real_path
 from meshslam.geometry import Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
+from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.imu_files import read_imu
-from meshslam.sequences.interpolation import interpolate_poses
 from meshslam.sequences.loader import LoadOptions
+from meshslam.sequences.pose_matching import poses_at
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
 from meshslam.sequences.text import numbers_of, pose_of, read_times, read_yaml
@@ -33,9 +33,6 @@ CAMERA_KEYS = (
     "imu_from_camera",
     "height_above_ground_m",
 )
-_SAME_TIME_S = 1e-5  # stamps are often rounded to so much
-POSE_TOLERANCE_S = 5e-3  # a pose this near will do where there is none on the other side
-LONGEST_POSE_GAP_S = 0.25  # between two poses: braking at 3 m/s² bends the way by 2 cm
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +51,7 @@ class SequenceFolder:
 
     name: str = "folder"
     looks_for: str = "a folder that holds camera.yaml and times.txt"
+    accepts: frozenset[str] = frozenset({"conventions"})
 
     def recognizes(self, path: Path) -> bool:
         """By its files."""
@@ -92,7 +90,7 @@ class SequenceFolder:
             camera=camera.camera,
             frame_ids=frame_ids,
             times_s=times_s[:count],
-            image_paths=tuple(images[:count]) or None,
+            images=ImageFiles(tuple(images[:count]), image_bits(images, report)) if images else None,
             world_from_camera=tuple(known) if len(known) == count else None,
             is_levelled=options.poses_convention != "first-camera-world",
             detections_path=_detections(path, options, images),
@@ -101,7 +99,6 @@ class SequenceFolder:
             initial_state=start,
             height_above_ground_m=camera.height_above_ground_m,
             distortion=camera.distortion,
-            image_bits=image_bits(images, report),
             partial_poses={i: pose for i, pose in poses.items() if i < count} if 0 < len(known) < count else None,
         )
 
@@ -204,48 +201,10 @@ def _frame_ids(path: Path, times_s: Floats, images: list[Path], report: Report) 
 
 
 def _known_poses(path: Path, times_s: Floats | None, options: LoadOptions, report: Report) -> dict[int, Pose]:
-    """Poses by frame: one of the same time, else between two that are near, else the nearest within 5 ms.
-
-    That frames have none is noted; that all have none is a problem.
-    """
-    if not path.exists():
+    if not path.exists() or not options.has_own_poses:
         return {}
     pose_times_s, read = read_tum(path, report)
-    if times_s is None:
-        return {}
-    poses = options.world_from_camera(read)
-    found = {i: pose for i, time_s in enumerate(times_s) if (pose := _pose_at(float(time_s), pose_times_s, poses))}
-    between = sum(pose not in _ids(poses) for pose in _ids(found.values()))
-    if between:
-        report.note(path, "", f"{between} frames have no pose of their time: theirs lie between their neighbours'")
-    spans = (
-        f"poses from {pose_times_s[0]:.3f} to {pose_times_s[-1]:.3f} s, frames {times_s[0]:.3f} to {times_s[-1]:.3f} s"
-    )
-    if not found:
-        report.add(path, "", f"no frame has a pose: {spans}: another clock, or another unit?")
-    elif len(found) < len(times_s):
-        first = next(i for i in range(len(times_s)) if i not in found)
-        missing = f"{len(times_s) - len(found)} of {len(times_s)} frames have no pose within reach"
-        report.note(
-            path, "", f"{missing} (first: frame {first} at {times_s[first]:.6f} s); {spans}; map leaves them out"
-        )
-    return found
-
-
-def _ids(poses: Iterable[Pose]) -> set[int]:
-    return {id(pose) for pose in poses}
-
-
-def _pose_at(time_s: float, times_s: Floats, poses: tuple[Pose, ...]) -> Pose | None:
-    after = int(np.searchsorted(times_s, time_s))
-    near = min((k for k in (after - 1, after) if 0 <= k < len(poses)), key=lambda k: abs(times_s[k] - time_s))
-    gap_s = abs(float(times_s[near]) - time_s)
-    if gap_s <= _SAME_TIME_S:
-        return poses[near]
-    if 0 < after < len(poses) and times_s[after] - times_s[after - 1] <= LONGEST_POSE_GAP_S:
-        pair = slice(after - 1, after + 1)
-        return interpolate_poses(times_s[pair], poses[pair], np.array([time_s]))[0]
-    return poses[near] if gap_s <= POSE_TOLERANCE_S else None
+    return {} if times_s is None else poses_at(times_s, pose_times_s, options.world_from_camera(read), path, report)
 
 
 def _imu(path: Path, report: Report) -> ImuSamples | None:

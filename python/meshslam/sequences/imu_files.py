@@ -66,14 +66,22 @@ def read_camera_from_body(path: Path, report: Report | None = None) -> Pose:
 
 
 def with_imu(
-    sequence: Sequence, imu_path: Path | None, extrinsics_path: Path | None, camera_number: int | None = None
+    sequence: Sequence,
+    imu_path: Path | None,
+    extrinsics_path: Path | None,
+    camera_number: int | None = None,
+    time_offset_s: float = 0.0,
 ) -> Sequence:
-    """The sequence with an IMU, or extrinsics, from files; its samples on the camera's clock."""
+    """The sequence with an IMU, or extrinsics, from files; its samples on the camera's clock.
+
+    The IMU's clock is `time_offset_s` ahead, beyond what the extrinsics' file says.
+    """
     report = Report()
     imu = sequence.imu if imu_path is None else read_imu(imu_path, report)
-    mounted, ahead_s = sequence.imu_from_camera, 0.0
+    mounted, ahead_s = sequence.imu_from_camera, time_offset_s
     if extrinsics_path is not None:
-        mounted, ahead_s = read_extrinsics(extrinsics_path, camera_number, sequence.raw_camera, report)
+        mounted, told_s = read_extrinsics(extrinsics_path, camera_number, sequence.raw_camera, report)
+        ahead_s += told_s
     if imu is not None and ahead_s:
         imu = replace(imu, times_s=imu.times_s - ahead_s)
     return replace(sequence, imu=imu, imu_from_camera=mounted, notes=(*sequence.notes, *report.notes))

@@ -10,6 +10,7 @@ from pathlib import Path
 from meshslam.errors import SequenceError
 from meshslam.geometry import Floats, Pose
 from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
+from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import frame_numbers, image_bits, list_images, load_image, note_turn
 from meshslam.sequences.kitti import CAMERA_NUMBERS, HEIGHT_ABOVE_GROUND_M, read_calibration, split_projection
 from meshslam.sequences.loader import LoadOptions
@@ -24,6 +25,7 @@ class KittiOdometry:
 
     name: str = "kitti-odometry"
     looks_for: str = "a folder that holds calib.txt and image_0 or image_2, times.txt beside them"
+    accepts: frozenset[str] = frozenset()
 
     def recognizes(self, path: Path) -> bool:
         """By its image folders, or by its name and one of its files."""
@@ -54,7 +56,9 @@ class KittiOdometry:
         if frame_ids[-1] >= len(all_times_s):
             what = f"{len(all_times_s)} times, but {images[-1].name} needs line {frame_ids[-1] + 1}"
             raise fail(path / "times.txt", "", what)
-        poses = report.attempt(lambda: _read_poses(poses_file(path), frame_ids, report))
+        poses = report.attempt(
+            lambda: _read_poses(poses_file(path) if options.has_own_poses else None, frame_ids, report)
+        )
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -62,12 +66,11 @@ class KittiOdometry:
             camera=camera,
             frame_ids=frame_ids,
             times_s=all_times_s[list(frame_ids)],
-            image_paths=tuple(images),
+            images=ImageFiles(tuple(images), image_bits(images, report)),
             world_from_camera=None if poses is None else tuple(p @ camera_from_camera0.inverse() for p in poses),
             is_levelled=False,
             detections_path=options.detections_path,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
-            image_bits=image_bits(images, report),
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Floats, Ints, Pose
 from meshslam.sequences import oxts
+from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.interpolation import interpolate_poses
 from meshslam.sequences.kitti import CAMERA_NUMBERS, HEIGHT_ABOVE_GROUND_M, read_calibration, split_projection
@@ -26,6 +27,7 @@ class KittiRaw:
 
     name: str = "kitti-raw"
     looks_for: str = "a folder YYYY_MM_DD_drive_NNNN_sync, or one that holds oxts and image_02 or image_03"
+    accepts: frozenset[str] = frozenset()
 
     def recognizes(self, path: Path) -> bool:
         """By the folder's name, or by its parts."""
@@ -51,7 +53,11 @@ class KittiRaw:
         note_turn(images, report)
         zero_ns = int(stamps[0])
         times_s = oxts.seconds_from(stamps[list(frame_ids)], zero_ns)
-        poses = report.attempt(lambda: _camera_poses(path, recording, frame_ids, zero_ns, times_s, report))
+        poses = (
+            report.attempt(lambda: _camera_poses(path, recording, frame_ids, zero_ns, times_s, report))
+            if options.has_own_poses
+            else None
+        )
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -59,13 +65,12 @@ class KittiRaw:
             camera=camera,
             frame_ids=frame_ids,
             times_s=times_s,
-            image_paths=tuple(images),
+            images=ImageFiles(tuple(images), image_bits(images, report)),
             world_from_camera=None if poses is None else tuple(p @ imu_from_camera for p in poses),
             detections_path=options.detections_path,
             imu=report.attempt(lambda: _imu(path, recording, zero_ns, report)),
             imu_from_camera=imu_from_camera,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
-            image_bits=image_bits(images, report),
         )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -14,13 +15,17 @@ from meshslam.sequences.sequence import Sequence
 
 @dataclass(frozen=True)
 class LoadOptions:
-    """What the user may choose about a recording."""
+    """What the user may choose about a recording, as far as its loader must know."""
 
     camera_number: int | None = None  # of layouts with several cameras; None: the layout's usual one
     detections_path: Path | None = None  # instead of the layout's own
     has_own_imu: bool = True  # False: the layout's IMU is not read, as other files take its place or none is needed
+    has_own_poses: bool = True  # False: the layout's poses are not read, as a file takes their place
     poses_convention: Convention = "camera"  # of poses.tum
     camera_from_body: Pose | None = None  # poses.tum holds world_from_body
+    camera_file: Path | None = None  # the camera of layouts that have none
+    size: tuple[int, int] | None = None  # width, height of the images that the camera file's intrinsics become
+    topics: Mapping[str, str] = field(default_factory=dict)  # of bags: which topic is the image, the IMU, …
 
     def world_from_camera(self, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
         """Poses of a file, as it means them."""
@@ -39,13 +44,17 @@ class Loader(Protocol):
 
     @property
     def looks_for(self) -> str:
-        """What a folder of this layout is known by, in words."""
+        """What a recording of this layout is known by, in words."""
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """Which of the options camera_file, size, topics, conventions this layout can use."""
 
     def recognizes(self, path: Path) -> bool:
-        """Whether the folder looks like this layout; opens no file."""
+        """Whether the folder or file looks like this layout; reads no more than a file's first bytes."""
 
     def image_files(self, path: Path, options: LoadOptions) -> list[Path]:
-        """List the camera's images by frame; empty where the layout can do without; SequenceError where it cannot."""
+        """List the images that are files, by frame; empty where there need be none; SequenceError where there must."""
 
     def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
         """Read all but the images; every problem goes to `report`, SequenceError is raised where nothing is left."""

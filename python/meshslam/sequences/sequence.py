@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.images import load_image
+from meshslam.sequences.image_source import ImageFiles, ImageSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class Sequence:
     camera: Camera  # undistorted
     frame_ids: tuple[int, ...]
     times_s: Floats  # (n,), increasing
-    image_paths: tuple[Path, ...] | None = None
+    images: ImageSource | None = None
     world_from_camera: tuple[Pose, ...] | None = None  # known poses that the system may use
     is_levelled: bool = True  # the world's z is against gravity, not just up in the first camera
     detections_path: Path | None = None
@@ -69,13 +70,12 @@ class Sequence:
     initial_state: InitialState | None = None
     height_above_ground_m: float | None = None
     distortion: Distortion | None = None  # of the raw images and detections; None: they are pinhole already
-    image_bits: int | None = None  # of images of 16 bits a channel: how many their values have
     partial_poses: Mapping[int, Pose] | None = None  # world_from_camera by index, where only some frames have one
     left_out_frames: frozenset[int] = frozenset()  # numbers of frames that the recording has, but not this part of it
     notes: tuple[str, ...] = ()  # what reading found and could handle
 
     def __post_init__(self) -> None:
-        for what in ("times_s", "image_paths", "world_from_camera"):
+        for what in ("times_s", "images", "world_from_camera"):
             value = getattr(self, what)
             if value is not None and len(value) != len(self.frame_ids):
                 raise SequenceError(f"{self.root}: {len(self.frame_ids)} frames but {len(value)} {what}")
@@ -83,20 +83,29 @@ class Sequence:
     def __len__(self) -> int:
         return len(self.frame_ids)
 
+    @property
+    def image_paths(self) -> tuple[Path, ...] | None:
+        """The images' files, where they are files of their own."""
+        return self.images.paths if isinstance(self.images, ImageFiles) else None
+
     def with_poses_only(self) -> Sequence:
         """The frames whose pose is known; the sequence itself where all have one or none has."""
-        if self.partial_poses is None:
-            return self
-        kept = sorted(self.partial_poses)
-        images = None if self.image_paths is None else tuple(self.image_paths[i] for i in kept)
+        return self if self.partial_poses is None else self.part(sorted(self.partial_poses))
+
+    def part(self, indices: Items[int]) -> Sequence:
+        """Some of the frames, in increasing order; detections of the others are left out."""
+        kept = list(indices)
+        poses = dict(enumerate(self.world_from_camera or ())) or dict(self.partial_poses or {})
+        known = {i: poses[k] for i, k in enumerate(kept) if k in poses}
+        whole = len(known) == len(kept) > 0
         return replace(
             self,
             frame_ids=tuple(self.frame_ids[i] for i in kept),
             times_s=self.times_s[kept],
-            image_paths=images,
-            world_from_camera=tuple(self.partial_poses[i] for i in kept),
-            partial_poses=None,
-            left_out_frames=self.left_out_frames | {f for i, f in enumerate(self.frame_ids) if i not in kept},
+            images=None if self.images is None else self.images.part(kept),
+            world_from_camera=tuple(known.values()) if whole else None,
+            partial_poses=None if whole or not known else known,
+            left_out_frames=self.left_out_frames | (set(self.frame_ids) - {self.frame_ids[i] for i in kept}),
         )
 
     @property
@@ -109,8 +118,8 @@ class Sequence:
 
         SequenceError if its file is missing, damaged or of another size.
         """
-        if self.image_paths is None:
+        if self.images is None:
             raise SequenceError(f"{self.root}: the sequence has no images, only detections")
         raw = self.raw_camera
-        image = load_image(self.image_paths[index], (raw.width, raw.height), self.image_bits)
+        image = self.images.read(index, (raw.width, raw.height))
         return image if self.distortion is None else self.distortion.undistort_image(image)

@@ -16,20 +16,25 @@ from meshslam.sequences.text import check_increasing, read_table
 def read_tum(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
     """Read times (n,) in seconds, increasing, and their poses; quaternions must be of unit length to 1e-2."""
     table = read_table(path, 8, report)
-    lengths = np.linalg.norm(table.rows[:, 4:], axis=1)
+    return poses_of_rows(path, table.rows, table.lines, report)
+
+
+def poses_of_rows(path: Path, rows: Floats, lines: Items[int], report: Report) -> tuple[Floats, tuple[Pose, ...]]:
+    """Times and poses of rows (n, 8), time tx ty tz qx qy qz qw, that stand in these lines of a file."""
+    lengths = np.linalg.norm(rows[:, 4:], axis=1)
     rounded = (np.abs(lengths - 1) > 1e-3) & (np.abs(lengths - 1) <= 1e-2)
     if rounded.any():
-        first = table.lines[int(np.argmax(rounded))]
+        first = lines[int(np.argmax(rounded))]
         report.note(path, f"line {first}", f"{rounded.sum()} quaternions are not quite of length 1: made so")
     for i in np.flatnonzero(np.abs(lengths - 1) > 1e-2):
-        report.add(path, f"line {table.lines[i]}", f"the quaternion's length is {lengths[i]:.6g}, expected 1")
+        report.add(path, f"line {lines[int(i)]}", f"the quaternion's length is {lengths[i]:.6g}, expected 1")
     keep = lengths > 1e-9
-    rows, lines = table.rows[keep], tuple(np.array(table.lines, int)[keep].tolist())
-    check_increasing(path, rows[:, 0], lines, report)
-    if not len(rows):
+    kept = rows[keep]
+    check_increasing(path, kept[:, 0], tuple(np.array(lines, int)[keep].tolist()), report)
+    if not len(kept):
         raise fail(path, "", "holds no poses")
-    rotations = Rotation.from_quat(rows[:, 4:]).as_matrix()
-    return rows[:, 0], tuple(Pose(r, t) for r, t in zip(rotations, rows[:, 1:4], strict=True))
+    rotations = Rotation.from_quat(kept[:, 4:]).as_matrix()
+    return kept[:, 0], tuple(Pose(r, t) for r, t in zip(rotations, kept[:, 1:4], strict=True))
 
 
 def format_tum(times_s: Floats, poses: Items[Pose]) -> str:
