@@ -116,7 +116,12 @@ def read_times(path: Path, report: Report) -> Floats:
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read a mapping, also with OpenCV's `%YAML:1.0` header and `!!opencv-matrix` tags."""
-    text = read_text(path)
+    return yaml_mapping(path, read_text(path))
+
+
+def yaml_mapping(path: Path, text: str) -> dict[str, Any]:
+    """The mapping of a YAML or JSON text, with OpenCV's header and tags or without; an end mark may follow it."""
+    text = text.rstrip().removesuffix("\n---")
     if text.startswith("%YAML:"):
         text = "\n" + text.partition("\n")[2]
     content = parsed_yaml(path, text.replace("!!opencv-matrix", ""))
