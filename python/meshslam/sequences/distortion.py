@@ -169,9 +169,8 @@ def _worth_it(found: Distortion) -> Distortion:
     """The lens; GeometryError if most of its view shows nothing, as with coefficients in a wrong order."""
     shown = 1.0 - found.black_share()
     if shown < LEAST_SHARE:
-        raise GeometryError(
-            f"the lens shows {100 * shown:.0f}% of its pinhole view: the coefficients are {found.lens.names}"
-        )
+        seen = f"the lens shows {100 * shown:.0f}% of its pinhole view"
+        raise GeometryError(f"{seen}: check the coefficients' order {found.lens.names}")
     return found
 
 
