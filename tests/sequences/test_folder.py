@@ -191,7 +191,7 @@ CAMERA_PROBLEMS = [
     ({"resolution": [0, 48]}, "resolution: expected"),
     ({"skew": [1.0, 2.0]}, "skew: expected one number"),
     ({"model": "fisheye"}, "model: expected pinhole, found 'fisheye'"),
-    ({"distortion_model": "fov"}, "distortion_model: expected none or radtan, found 'fov'"),
+    ({"distortion_model": "mei"}, "distortion_model: expected none, radtan, rational, equidistant, fov, found 'mei'"),
     ({"distortion_model": "radtan", "distortion_coeffs": [0.1]}, "distortion_coeffs: radtan has"),
     (
         {"distortion_model": "radtan", "distortion_coeffs": [-9.0, 0.0, 0.0, 0.0]},

@@ -1,12 +1,14 @@
 """Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
 
+from meshslam.sequences.cameras.read import read_camera
 from meshslam.sequences.check import check_sequence, inspect_sequence
 from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
-from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.folder import read_camera_file
+from meshslam.sequences.distortion import Distortion, undistorted
+from meshslam.sequences.folder import CameraFile, read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
 from meshslam.sequences.image_source import ImageFiles, ImageSource
 from meshslam.sequences.imu_files import read_camera_from_body, read_extrinsics, read_imu, with_imu
+from meshslam.sequences.lenses import LensModel
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.opening import RecordingOptions
 from meshslam.sequences.path_files import read_path
@@ -24,12 +26,14 @@ __all__ = [
     "LOADERS",
     "TOPICS",
     "WORLD_FROM_FIRST_CAMERA",
+    "CameraFile",
     "Convention",
     "Distortion",
     "ImageFiles",
     "ImageSource",
     "ImuSamples",
     "InitialState",
+    "LensModel",
     "LoadOptions",
     "Loader",
     "Problem",
@@ -45,6 +49,7 @@ __all__ = [
     "open_sequence",
     "open_with",
     "parsed_yaml",
+    "read_camera",
     "read_camera_file",
     "read_camera_from_body",
     "read_extrinsics",
@@ -56,6 +61,7 @@ __all__ = [
     "read_topics",
     "read_tum",
     "turns",
+    "undistorted",
     "with_imu",
     "write_sequence_folder",
 ]

@@ -12,6 +12,7 @@ import numpy as np
 from meshslam.errors import GeometryError, SequenceError
 from meshslam.files import real_path
 from meshslam.geometry import Camera, Floats, Pose
+from meshslam.sequences.calibration import distortion_of
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
@@ -37,9 +38,9 @@ CAMERA_KEYS = (
 
 @dataclass(frozen=True, eq=False)
 class CameraFile:
-    """What camera.yaml says."""
+    """What camera.yaml, or a calibration file, says."""
 
-    camera: Camera
+    camera: Camera  # undistorted; the file's own where there is no distortion
     distortion: Distortion | None = None
     imu_from_camera: Pose | None = None
     height_above_ground_m: float | None = None
@@ -116,9 +117,9 @@ def read_camera_file(path: Path, report: Report | None = None) -> CameraFile:
         report.add(path, "model", f"expected pinhole, found {content['model']!r}")
     raw = _camera(path, content, report)
     extrinsics, height = content.get("imu_from_camera"), content.get("height_above_ground_m")
-    distortion = report.attempt(lambda: _distortion(path, content, raw))
+    distortion = report.attempt(lambda: _distortion(path, content, raw, report))
     return CameraFile(
-        camera=raw,
+        camera=raw if distortion is None else distortion.camera,
         distortion=distortion,
         imu_from_camera=None
         if extrinsics is None
@@ -162,25 +163,10 @@ def _positive(path: Path, key: str, value: object) -> float:
     return float(values[0])
 
 
-def _distortion(path: Path, content: dict[str, Any], raw: Camera) -> Distortion | None:
+def _distortion(path: Path, content: dict[str, Any], raw: Camera, report: Report) -> Distortion | None:
     model = content.get("distortion_model") or "none"
     coefficients = numbers_of(path, "distortion_coeffs", content.get("distortion_coeffs") or []).reshape(-1)
-    if model == "none":
-        if coefficients.any():
-            raise fail(path, "distortion_model", "is none, but distortion_coeffs are given; expected radtan")
-        return None
-    if model != "radtan":
-        raise fail(path, "distortion_model", f"expected none or radtan, found {model!r}")
-    if len(coefficients) not in (4, 5):
-        raise fail(
-            path, "distortion_coeffs", f"radtan has k1, k2, p1, p2 and perhaps k3, found {len(coefficients)} numbers"
-        )
-    if not coefficients.any():
-        return None
-    try:
-        return Distortion(raw, raw, coefficients)
-    except GeometryError as error:
-        raise fail(path, "distortion_coeffs", str(error)) from None
+    return distortion_of(path, ("distortion_model", "distortion_coeffs"), model, coefficients, raw, report)
 
 
 def _detections(path: Path, options: LoadOptions, images: list[Path]) -> Path | None:

@@ -72,7 +72,7 @@ def camera_yaml(
         "resolution": [camera.width, camera.height],
         "intrinsics": [float(x) for x in (camera.fx, camera.fy, camera.cx, camera.cy)],
         "skew": float(camera.skew),
-        "distortion_model": "none" if distortion is None else "radtan",
+        "distortion_model": "none" if distortion is None else distortion.model,
         "distortion_coeffs": [] if distortion is None else distortion.coefficients.tolist(),
     }
     if imu_from_camera is not None:

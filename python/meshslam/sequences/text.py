@@ -116,10 +116,15 @@ def read_times(path: Path, report: Report) -> Floats:
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read a mapping, also with OpenCV's `%YAML:1.0` header and `!!opencv-matrix` tags."""
-    text = read_text(path)
+    return yaml_mapping(path, read_text(path))
+
+
+def yaml_mapping(path: Path, text: str) -> dict[str, Any]:
+    """The mapping of a YAML or JSON text, with OpenCV's header and tags or without; an end mark may follow it."""
+    text = text.rstrip().removesuffix("\n---")
     if text.startswith("%YAML:"):
         text = "\n" + text.partition("\n")[2]
-    content = parsed_yaml(path, text.replace("!!opencv-matrix", ""))
+    content = parsed_yaml(path, text.replace("!!opencv-matrix", "").replace("!!opencv-nd-matrix", ""))
     if not isinstance(content, dict):
         raise fail(path, "", "expected `key: value` lines")
     return {str(key): value for key, value in content.items()}
@@ -158,6 +163,8 @@ def numbers_of(path: Path, key: str, value: object) -> Floats:
     try:
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
             array = np.asarray(value["data"], float).reshape(int(value["rows"]), int(value["cols"]))
+        elif isinstance(value, dict) and {"sizes", "data"} <= value.keys():  # OpenCV 5 of an array (n,)
+            array = np.asarray(value["data"], float).reshape(np.atleast_1d(value["sizes"]).astype(int))
         else:
             array = np.asarray(value, float)
     except (TypeError, ValueError, OverflowError, RecursionError):
