@@ -59,6 +59,7 @@ ADDED = (  # since 0.1
     "input.allow_outside",
     "input.camera_file",
     "input.size",
+    "input.rate_hz",
     "input.topics",
     "input.frames",
     "input.from_s",

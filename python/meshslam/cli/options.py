@@ -37,6 +37,7 @@ RECORDING: dict[str, Any] = {  # what each command that opens a recording takes,
     "size": Annotated[
         str | None, typer.Option(help="Size of the images, 640x480, if the camera's file is of another.")
     ],
+    "rate": Annotated[float | None, typer.Option(help="Frames a second, of a folder of frames without times.")],
     "topic": Annotated[
         list[str] | None, typer.Option(help="Topics of a bag: image=/camera/image_raw, camera=, imu=, poses=.")
     ],
@@ -106,6 +107,7 @@ def _settings_of_flags(given: dict[str, Any]) -> dict[str, Any]:
         "camera": None if given.get("camera") is None else int(given.pop("camera")),
         "camera_file": None if given.get("camera_file") is None else Path(given.pop("camera_file")),
         "topics": list(given.pop("topic") or []) or None,
+        "rate_hz": given.pop("rate"),
         "from_s": None if given["from_"] is None else read_seconds(given["from_"]),
         "to_s": None if given["to"] is None else read_seconds(given["to"]),
         "imu_time_offset_s": given.pop("imu_time_offset"),

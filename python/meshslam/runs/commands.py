@@ -8,6 +8,7 @@ _RECORDING = (
     "input.camera",
     "input.camera_file",
     "input.size",
+    "input.rate_hz",
     "input.topics",
     "input.frames",
     "input.from_s",

@@ -25,6 +25,7 @@ class RecordingOptions:
     camera_number: int | None = None
     camera_file: Path | None = None
     size: tuple[int, int] | None = None
+    rate_hz: float | None = None
     detections_path: Path | None = None
     imu: Path | None = None
     imu_from_camera: Path | None = None
@@ -64,11 +65,12 @@ def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOpt
         camera_from_body=_body(loader, path, given),
         camera_file=given.camera_file,
         size=given.size,
+        rate_hz=given.rate_hz,
         topics=given.topics,
     )
 
 
-_FLAGS = {"camera_file": "--camera FILE", "size": "--size", "topics": "--topic"}
+_FLAGS = {"camera_file": "--camera FILE", "size": "--size", "rate_hz": "--rate", "topics": "--topic"}
 
 
 def _check_accepted(loader: Loader, path: Path, given: RecordingOptions) -> None:

@@ -19,7 +19,7 @@ from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import parse_table, read_table, read_text, rigid
 from meshslam.sequences.tum import poses_of_rows, read_tum
 
-_NANOSECONDS = 1e14  # times from here on are not seconds: 3 million years
+_NANOSECONDS = 1e5  # steps between poses, or 1e14 as a single time, that are no seconds
 _EUROC_COLUMNS = 8  # time, x, y, z, then the quaternion with w first; EuRoC and VINS write more behind
 
 
@@ -42,7 +42,7 @@ def with_poses(sequence: Sequence, path: Path, options: LoadOptions, time_offset
         found = _colmap(sequence, path, lines[::2] if len(lines) > 1 and not _is_image(lines[1]) else lines, report)
         return _placed(sequence, {i: WORLD_FROM_FIRST_CAMERA @ pose for i, pose in found.items()}, False)
     if "," in lines[0]:
-        times_s, poses = _euroc(path, report)
+        times_s, poses = read_euroc(path, report)
     elif len(words) == 8:
         times_s, poses = _tum(path, report)
     else:
@@ -85,8 +85,8 @@ def _tum(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
     return _in_seconds(times_s, path, report), poses
 
 
-def _euroc(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
-    """`time, x, y, z, qw, qx, qy, qz`, and what comes behind is left out; the header is not looked at."""
+def read_euroc(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
+    """Times (n,) in seconds and poses from lines `time, x, y, z, qw, qx, qy, qz`; what comes behind is left out."""
     lines = enumerate(read_text(path).splitlines(), 1)
     rows = [(n, re.split(r"[,\s]+", line.strip().strip(","))) for n, line in lines]
     words = [(n, row[:_EUROC_COLUMNS]) for n, row in rows if _is_number(row[0])]
@@ -95,14 +95,19 @@ def _euroc(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
         raise fail(path, "", "holds no poses: expected time, x, y, z, qw, qx, qy, qz a line")
     ordered = table.rows[:, [0, 1, 2, 3, 5, 6, 7, 4]]
     times_s, poses = poses_of_rows(path, ordered, table.lines, report)
-    return _in_seconds(times_s, path, report), poses
+    return (times_s / 1e9 if _are_nanoseconds(times_s) else times_s), poses
 
 
 def _in_seconds(times: Floats, path: Path, report: Report) -> Floats:
-    if times[0] < _NANOSECONDS:
+    if not _are_nanoseconds(times):
         return times
     report.note(path, "", "times are nanoseconds: taken as such")
     return times / 1e9
+
+
+def _are_nanoseconds(times: Floats) -> bool:
+    step = float(np.median(np.diff(times))) if len(times) > 1 else float(times[0]) / 1e9
+    return step >= _NANOSECONDS
 
 
 def _is_image(line: str) -> bool:

@@ -161,6 +161,7 @@ def _short(said: object) -> str:
 def numbers_of(path: Path, key: str, value: object) -> Floats:
     """Turn a YAML value (number, nested lists or an OpenCV matrix) into finite numbers."""
     try:
+        array: Floats
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
             array = np.asarray(value["data"], float).reshape(int(value["rows"]), int(value["cols"]))
         elif isinstance(value, dict) and {"sizes", "data"} <= value.keys():  # OpenCV 5 of an array (n,)
