@@ -6,7 +6,7 @@ import trimesh
 
 from meshslam.geometry import Pose
 from meshslam.maps import Map, Trajectory, object_colour, save_glb, to_glb
-from meshslam.maps.gltf import vertex_colours
+from meshslam.maps.gltf import linear, vertex_colours
 
 
 def scene_of(content):
@@ -49,6 +49,15 @@ def test_colours_tell_objects_apart_and_fade_with_sigma(make_object):
     assert np.array_equal(drawn[0, :3], object_colour(1))
     assert np.array_equal(drawn[-1, :3], [150, 150, 150])
     assert np.array_equal(vertex_colours(make_object(1, vertex_sigma_m=None))[5, :3], object_colour(1))
+
+
+def test_the_colours_of_the_file_are_linear(make_object):
+    """sRGB's middle grey is a fifth of full light."""
+    assert linear(np.array([[0, 118, 255, 7]], np.uint8)).tolist() == [[0, 46, 255, 7]]
+    thing = make_object(1, vertex_sigma_m=None)
+    (mesh,) = scene_of(to_glb(Map((thing,)))).geometry.values()
+    stored = np.asarray(mesh.visual.vertex_colors)[0, :3].astype(float)
+    assert np.allclose(stored, 255 * ((object_colour(1) / 255 + 0.055) / 1.055) ** 2.4, atol=1)
 
 
 def test_the_same_scene_gives_the_same_bytes(a_map, path):

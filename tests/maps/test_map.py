@@ -86,7 +86,7 @@ def test_what_is_in_the_file_is_what_the_formats_say(tmp_path, a_map):
     assert np.abs(mesh.bounds.mean(0)).max() < 1e-8
     assert np.allclose(np.ptp(mesh.vertices, axis=0), first["dimensions"])
     header = (tmp_path / first["mesh"]).read_bytes().split(b"end_header")[0].decode()
-    assert "property double sigma_m" in header
+    assert "property float sigma_m" in header
     assert "property uchar observed" in header
 
 

@@ -62,7 +62,15 @@ def vertex_colours(thing: MapObject) -> Bytes:
 
 
 def _coloured(thing: MapObject) -> trimesh.Trimesh:
-    return trimesh.Trimesh(thing.vertices, thing.faces, vertex_colors=vertex_colours(thing), process=False)
+    colours = linear(vertex_colours(thing))
+    return trimesh.Trimesh(thing.vertices, thing.faces, vertex_colors=colours, process=False)
+
+
+def linear(colours: Bytes) -> Bytes:
+    """Colours (n, 4) of sRGB as glTF's COLOR_0 has them: linear (IEC 61966-2-1), the opacity as it is."""
+    share = colours[:, :3] / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.column_stack([np.round(255 * light), colours[:, 3]]).astype(np.uint8)
 
 
 def _mark() -> trimesh.Trimesh:
@@ -80,7 +88,8 @@ def _tube(points: Floats) -> trimesh.Trimesh:
         vertices, faces = np.asarray(ball.vertices) + points[0], np.asarray(ball.faces)
     else:
         vertices, faces = _tube_parts(points)
-    return trimesh.Trimesh(vertices, faces, vertex_colors=np.tile(PATH_COLOUR, (len(vertices), 1)), process=False)
+    colours = linear(np.tile(PATH_COLOUR, (len(vertices), 1)))
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
 
 
 def _tube_parts(points: Floats) -> tuple[Floats, Ints]:

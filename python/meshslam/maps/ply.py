@@ -26,19 +26,19 @@ class PlyMesh:
 
 
 def format_ply(mesh: PlyMesh) -> bytes:
-    """Write doubles rounded to a nanometre, so that reading and writing again gives the same bytes."""
+    """Write floats, which all readers take, rounded to a nanometre: reading and writing again gives the same bytes."""
     columns: dict[str, AnyArray] = dict(zip("xyz", _rounded(mesh.vertices).T, strict=True))
     if mesh.sigma_m is not None:
         columns["sigma_m"] = _rounded(mesh.sigma_m)
     if mesh.observed is not None:
         columns["observed"] = mesh.observed.astype(np.uint8)
-    layout = [(name, "u1" if name == "observed" else "<f8") for name in columns]
+    layout = [(name, "u1" if name == "observed" else "<f4") for name in columns]
     vertices = np.empty(len(mesh.vertices), layout)
     for name, values in columns.items():
         vertices[name] = values
     faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, mesh.faces
-    properties = [f"property {'uchar' if kind == 'u1' else 'double'} {name}" for name, kind in layout]
+    properties = [f"property {'uchar' if kind == 'u1' else 'float'} {name}" for name, kind in layout]
     header = [
         "ply",
         "format binary_little_endian 1.0",
