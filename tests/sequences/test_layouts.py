@@ -113,7 +113,7 @@ MADE = {"euroc": euroc, "tum-rgbd": tum_rgbd, "frames": frames, "kitti-360": kit
 @pytest.fixture
 def made(tmp_path, rng):
     def make(name):
-        folder = tmp_path / "data" / "raw" / "drive"
+        folder = tmp_path / "data" / "raw" / "2013_05_28_drive_0000_sync"
         folder.parent.mkdir(parents=True, exist_ok=True)
         images, options = MADE[name](folder, rng)
         return folder, images, options

@@ -25,11 +25,11 @@ from meshslam.sequences.sequence import Sequence
 
 LOADERS: tuple[Loader, ...] = (  # asked in this order
     KittiTracking(),
+    Kitti360(),
     KittiRaw(),
     KittiOdometry(),
     Euroc(),
     TumRgbd(),
-    Kitti360(),
     SequenceFolder(),
     Frames(),
 )
