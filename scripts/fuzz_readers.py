@@ -13,7 +13,11 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TESTS = ("tests/sequences/test_damaged_files.py", "tests/perception/test_mutations.py")
+TESTS = (
+    "tests/sequences/test_damaged_files.py",
+    "tests/sequences/test_camera_files.py::test_damaged_files",
+    "tests/perception/test_mutations.py",
+)
 MUTATIONS = 500  # of each reader and seed
 
 

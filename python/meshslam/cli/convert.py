@@ -71,7 +71,10 @@ def convert(
     if source is Source.openpifpaf:
         if masks is None:
             raise DetectionError("openpifpaf has key points but no masks: give --masks FILE (meshslam detect makes it)")
-        found = with_openpifpaf(path, read_detections(masks), frames.shift)
+        given = read_detections(masks)
+        if given.undistorted:
+            raise DetectionError(f"{masks}: its pixels are undistorted, those of openpifpaf are the raw images'")
+        found = with_openpifpaf(path, given, frames.shift)
     else:
         table = None if names is None else read_class_names(names)
         if table is not None and source in (Source.mots_txt, Source.mots_png):

@@ -31,6 +31,8 @@ def detect(
 
     Example: meshslam detect 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out detections.json
     """
+    from dataclasses import replace
+
     from meshslam.cli.progress import run_outlet
     from meshslam.maps import write_atomically
     from meshslam.perception import write_detections
@@ -43,5 +45,6 @@ def detect(
     with run_outlet() as outlet:
         found = with_keypoints(recording, segment_frames(recording, settings, outlet), settings, outlet)
     out.parent.mkdir(parents=True, exist_ok=True)
+    found = replace(found, undistorted=recording.distortion is not None)
     write_atomically(out, write_detections(found))
     print(f"{out}: {len(found.detections)} detections in {len(found.images)} frames")

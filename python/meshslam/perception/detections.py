@@ -98,6 +98,7 @@ class DetectionSet:
     categories: tuple[CategoryEntry, ...]
     detections: tuple[Detection, ...]
     warnings: tuple[str, ...] = ()
+    undistorted: bool = False  # pixels are those of the pinhole view, though the recording's camera has a lens
 
     def by_frame(self) -> dict[int, tuple[Detection, ...]]:
         """Group the detections by image, the empty ones too, by ascending frame."""
@@ -127,7 +128,7 @@ class DetectionSet:
 def write_detections(detections: DetectionSet) -> bytes:
     """Return the file's bytes: one annotation a line, the same bytes for the same set."""
     numbers = {category.name: category.id for category in detections.categories}
-    head = {
+    head: dict[str, Any] = ({"info": {"undistorted": True}} if detections.undistorted else {}) | {
         "images": [vars(image) for image in detections.images],
         "categories": [_category_entry(category) for category in detections.categories],
     }

@@ -21,6 +21,7 @@ from meshslam.perception.json_values import integer, is_name, kind, load_json, n
 from meshslam.perception.keypoint_names import ours
 from meshslam.perception.masks import is_finite_number, segmentation_box, segmentation_problem
 from meshslam.perception.plausible import plausible
+from meshslam.perception.undistorting import undistorted_detections
 from meshslam.sequences import Report, Sequence
 
 Entry = TypeVar("Entry", ImageEntry, CategoryEntry, Detection)
@@ -56,15 +57,18 @@ def read_recorded_detections(
     Images are matched to the frames of `sequence` by `file_name`, which outranks ids; every frame gets an image. Names
     of categories are compared without regard to case, with those `tracked` too; `renamed` takes names to others. Crowd
     regions over other annotations are left out, boxes that contradict their masks are the masks' own, track ids count
-    for a class, and an id that two annotations of a frame have is not used there. All of this is said in the set's
-    `warnings`.
+    for a class, and an id that two annotations of a frame have is not used there. Detections of raw images are taken to
+    the pinhole view of the recording's lens. All of this is said in the set's `warnings`.
 
     Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
     and entries with problems are left out.
     """
     faults = Faults(Path(path), report)
     found, crowd = _read(faults, sequence, renamed or {}, tracked)
-    return replace(plausible(found, crowd, faults), warnings=tuple(faults.notes))
+    found = plausible(found, crowd, faults)
+    if sequence is not None and sequence.distortion is not None:
+        found = undistorted_detections(found, sequence.distortion, faults)
+    return replace(found, warnings=tuple(faults.notes))
 
 
 def check_detections(path: Path, sequence: Sequence | None, report: Report) -> None:
@@ -96,7 +100,8 @@ def _read(
     )
     detections = _entries(faults, root, "annotations", reader.read)
     reader.tell()
-    return DetectionSet(frames.images, names.entries, detections), frozenset(reader.crowd)
+    found = DetectionSet(frames.images, names.entries, detections, undistorted=_is_undistorted(root))
+    return found, frozenset(reader.crowd)
 
 
 def _root(path: Path) -> dict[str, Any]:
@@ -104,6 +109,11 @@ def _root(path: Path) -> dict[str, Any]:
     if not isinstance(root, dict):
         raise DetectionError(f"{path}: found {kind(root)}, expected an object with images, categories and annotations")
     return root
+
+
+def _is_undistorted(root: dict[str, Any]) -> bool:
+    info = root.get("info")
+    return isinstance(info, dict) and info.get("undistorted") is True
 
 
 def _rows_by_id(root: dict[str, Any], key: str) -> dict[int, dict[str, Any]] | None:

@@ -8,7 +8,6 @@ from meshslam.errors import MapError
 from meshslam.evaluation import evaluate_run
 from meshslam.localization import Localization, localize_sequence
 from meshslam.maps import Map, RunDirectory, Trajectory
-from meshslam.perception import write_detections
 from meshslam.runs import stages
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_map, judge_recording, judge_sight, say
@@ -60,7 +59,7 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     run.announce(*names)
     run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
     run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
-    run.save("detections.json", write_detections(result.detections))
+    run.save("detections.json", stages.written(recording, result.detections))
     save_refused_views(result, run, outlet)
     paths = {"initial": result.inertial, "filtered": result.filtered}
     paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}

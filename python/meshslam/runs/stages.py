@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from collections.abc import Sequence as Rows
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -125,10 +125,15 @@ def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: R
     run.announce(*names, "left_out.json", "report.html", "metrics.json", "map.json", *mapping.map.mesh_files)
     run.save("camera.yaml", camera)
     run.save("trajectory.tum", trajectory.to_tum())
-    run.save("detections.json", write_detections(mapping.detections))
+    run.save("detections.json", written(recording, mapping.detections))
     run.save_map(mapping.map)
     saved = Map.load(run.folder), Trajectory.load(run.path("trajectory.tum"))  # as rounded on disk: the same bytes
     run.save("map.glb", to_glb(*saved))
+
+
+def written(recording: Sequence, found: DetectionSet) -> bytes:
+    """The detections' file: where the camera has a lens, it says that its pixels are those of the pinhole view."""
+    return write_detections(replace(found, undistorted=recording.distortion is not None))
 
 
 def figures(recording: Sequence, mapping: ObjectMapping, clock: Clock) -> dict[str, float]:

@@ -34,6 +34,10 @@ class Distortion:
     _maps: tuple[Floats, ...] = field(init=False, repr=False, default=())
 
     def __post_init__(self) -> None:
+        with np.errstate(all="ignore"):  # of values that no camera has
+            self._prepare()
+
+    def _prepare(self) -> None:
         size = max(camera.width * camera.height for camera in (self.raw_camera, self.camera))
         if size > MAX_PIXELS:
             raise GeometryError(f"an image of {size} pixels: more than {MAX_PIXELS} are not undistorted")

@@ -160,6 +160,7 @@ def _short(said: object) -> str:
 
 def numbers_of(path: Path, key: str, value: object) -> Floats:
     """Turn a YAML value (number, nested lists or an OpenCV matrix) into finite numbers."""
+    array: Floats
     try:
         array: Floats
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():

@@ -15,12 +15,13 @@ import numpy as np
 
 from meshslam.errors import SequenceError
 from meshslam.files import write_into
-from meshslam.geometry import Bools, Bytes, Floats, Rendering, render
+from meshslam.geometry import Bools, Bytes, Floats, Rendering
 from meshslam.maps import PlyMesh, format_ply
 from meshslam.objects import signed_distance
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
 from meshslam.sequences import InitialState, format_tum, write_sequence_folder
 from meshslam.settings import Settings, setting
+from meshslam.simulation.lens import render_through
 from meshslam.simulation.motion import IMU_FROM_CAMERA, ImuNoise, ImuReadings, simulated_imu
 from meshslam.simulation.render import draw, render_image, visible
 from meshslam.simulation.street import Car, Street
@@ -70,6 +71,7 @@ def write_recording(
         imu_from_camera=None if imu is None else imu.imu_from_camera,
         initial_state=None if imu is None else _initial_state(street, imu),
         height_above_ground_m=street.camera_height_m,
+        distortion=street.distortion,
     )
     _write_truth(street, object_of_annotation, folder)
     return folder
@@ -136,8 +138,8 @@ def _detection(
     x, y, width, height = cv2.boundingRect(mask)
     camera_from_object = street.world_from_camera[index].inverse() @ car.at(float(street.times_s[index]))
     points = camera_from_object.transform(np.array(list(car.keypoints.values())))
-    pixels = street.camera.project(points)
-    shown = visible(drawn, number, pixels, points[:, 2])
+    pixels, depths_m = street.project(points)
+    shown = visible(drawn, number, pixels, depths_m)
     box = (float(x), float(y), float(width), float(height))
     seen, scores = _seen_keypoints(pixels, shown, box, rng, config)
     score = float(np.round(np.clip(rng.normal(0.85, 0.06), 0.4, 0.99), 3))
@@ -149,7 +151,8 @@ def _whole_area(street: Street, index: int, number: int) -> float:
     """Pixels that the car would cover with nothing before it."""
     car = street.cars[number]
     camera_from_object = street.world_from_camera[index].inverse() @ car.at(float(street.times_s[index]))
-    return float(render(street.camera, [(camera_from_object, car.vertices, car.faces)]).mask.sum())
+    alone = render_through(street.distortion, street.camera, [(camera_from_object, car.vertices, car.faces)])
+    return float(alone.mask.sum())
 
 
 def roughen(mask: Bytes, rng: np.random.Generator, sigma_px: float) -> Bytes:

@@ -12,6 +12,7 @@ from meshslam.perception import body_colour_bgr, point_colour_bgr
 from meshslam.simulation import paint
 from meshslam.simulation.bodies import Body
 from meshslam.simulation.fronts import Wall
+from meshslam.simulation.lens import image_through, render_through
 from meshslam.simulation.light import Light, shaded, surroundings
 from meshslam.simulation.shadow import Shadows
 from meshslam.simulation.street import Street
@@ -27,11 +28,15 @@ _CODE_SHADE = 0.6  # brightness of coded colours in the shadow, against 1 in the
 Mesh = tuple[Pose, Floats, Ints]  # world_from_object, vertices, faces
 
 
-def draw(street: Street, index: int, camera: Camera | None = None) -> Rendering:
-    """What is nearest in each pixel of frame `index`: `object_index` counts cars, then walls, then the ground."""
-    camera_from_world = street.world_from_camera[index].inverse()
+def draw(street: Street, index: int, camera: Camera | None = None, world_from_camera: Pose | None = None) -> Rendering:
+    """What is nearest in each pixel of frame `index`: `object_index` counts cars, then walls, then the ground.
+
+    Another pinhole camera may be given, and its pose; else the frame is drawn as the street's lens sees it.
+    """
+    camera_from_world = (world_from_camera or street.world_from_camera[index]).inverse()
     meshes = [*_meshes(street, index), (Pose.identity(), *street.road.ground)]
-    return render(camera or street.camera, [(camera_from_world @ pose, v, f) for pose, v, f in meshes])
+    placed = [(camera_from_world @ pose, v, f) for pose, v, f in meshes]
+    return render(camera, placed) if camera else render_through(street.distortion, street.camera, placed)
 
 
 def _meshes(street: Street, index: int) -> list[Mesh]:
@@ -60,9 +65,27 @@ def street_light(seed: int) -> Light:
 
 def render_image(street: Street, index: int) -> Bytes:
     """Frame `index` as BGR (h, w, 3): sun, shadows, textures, several samples a pixel; coded colours in one sample."""
-    coded = street.mode == "contrast"
-    scene = _Scene.of(street, index, 1 if coded else _FINER)
-    shadows = Shadows.of(_meshes(street, index), scene.light.sun, scene.ahead, _SHADOW_REACH_M)
+    coded, pose, lens = street.mode == "contrast", street.world_from_camera[index], street.distortion
+    finer = 1 if coded else _FINER
+    ahead = pose.translation + _SHADOW_AHEAD_M * pose.rotation[:, 2]
+    shadows = Shadows.of(_meshes(street, index), street_light(street.seed).sun, ahead, _SHADOW_REACH_M)
+
+    def side(camera: Camera, camera_from_side: Pose) -> Floats:
+        return _colours(_Scene.of(street, index, camera, pose @ camera_from_side), shadows, coded=coded)
+
+    if lens is None:
+        colour = _colours(_Scene.of(street, index, _finer(street.camera, finer), pose), shadows, coded=coded)
+    else:
+        colour = image_through(lens, finer, side, is_smooth=not coded)
+    if coded:
+        return _as_bytes(colour)
+    size = (street.camera.width, street.camera.height)
+    return _as_bytes(np.asarray(cv2.resize(colour, size, interpolation=cv2.INTER_AREA), float))
+
+
+def _colours(scene: _Scene, shadows: Shadows, *, coded: bool) -> Floats:
+    """Colours (h, w, 3) of a view, 0 to 1."""
+    street = scene.street
     colour = np.zeros((*scene.drawn.object_index.shape, 3))
     painters = [_car(scene, k) for k in range(len(street.cars))] + [_wall(scene, k) for k in range(len(street.walls))]
     for paint_part in [*painters, _ground(scene)]:
@@ -71,16 +94,13 @@ def render_image(street: Street, index: int) -> Bytes:
             colour[here] = part.coded(scene, shadows) if coded else part.lighted(scene, shadows)
     empty = scene.drawn.object_index < 0
     colour[empty] = 1.0 if coded else _sky(scene, empty)
-    if coded:
-        return _as_bytes(colour)
-    exposed = np.clip(_EXPOSURE * colour, 0.0, 1.0) ** _GAMMA
-    size = (street.camera.width, street.camera.height)
-    return _as_bytes(np.asarray(cv2.resize(exposed, size, interpolation=cv2.INTER_AREA), float))
+    exposed: Floats = colour if coded else np.clip(_EXPOSURE * colour, 0.0, 1.0) ** _GAMMA
+    return exposed
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """A frame at the fine resolution (h, w)."""
+    """A view of a frame at the fine resolution (h, w)."""
 
     street: Street
     pose: Pose
@@ -92,20 +112,13 @@ class _Scene:
     pixel_m: Floats  # (h, w), size of a pixel's side at the point, across the ray
 
     @staticmethod
-    def of(street: Street, index: int, finer: int) -> _Scene:
-        camera, pose = _finer(street.camera, finer), street.world_from_camera[index]
-        drawn = draw(street, index, camera)
+    def of(street: Street, index: int, camera: Camera, pose: Pose) -> _Scene:
+        drawn = draw(street, index, camera, pose)
         columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         rays = camera.rays(np.stack([columns, rows], axis=-1).astype(float)) @ pose.rotation.T
         pixel_m = 1.0 / np.maximum(drawn.inverse_depth, 1e-4) / camera.fx
         time_s = float(street.times_s[index])
         return _Scene(street, pose, time_s, street_light(street.seed), paint.Noise(street.seed), drawn, rays, pixel_m)
-
-    @property
-    def ahead(self) -> Floats:
-        """A place (3,) before the camera, about which shadows are drawn."""
-        place: Floats = self.pose.translation + _SHADOW_AHEAD_M * self.pose.rotation[:, 2]
-        return place
 
     def points(self, here: Bools) -> Floats:
         """Points (n, 3) in world of the pixels that are drawn."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Camera, Floats, Ints, Pose
+from meshslam.sequences import Distortion, undistorted
 from meshslam.settings import Settings, setting
 from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
 from meshslam.simulation.fronts import Wall, walls_along
@@ -17,6 +18,7 @@ from meshslam.simulation.road import Road
 
 FORWARD_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # z ahead becomes x ahead
 Mode = Literal["coloured", "textureless", "contrast"]
+LensKind = Literal["pinhole", "equidistant"]
 _BEYOND_M = 10.0  # the last of cars that are spread begins so far after the drive's end
 
 
@@ -32,6 +34,8 @@ class StreetConfig(Settings):
     width_px: int = setting(800, low=1)
     height_px: int = setting(240, low=1)
     focal_px: float = setting(470.0, above=0)
+    lens: LensKind = setting("pinhole")  # equidistant: a fisheye of `field_deg`, without distortion beyond that
+    field_deg: float = setting(150.0, low=30, high=220)  # that a fisheye sees across; focal_px is the pinhole's
     camera_height_m: float = setting(1.65, above=0)
     cars_each_side: int = setting(5, low=0)
     first_car_m: float = setting(8.0)  # of the nearest parked cars' rear bumpers, from the first camera
@@ -114,6 +118,13 @@ class Street:
     mode: Mode = "coloured"
     imu: ImuReadings | None = None  # None: it is simulated
     drive: int = 0  # how often it was driven through before
+    distortion: Distortion | None = None  # the lens that images are drawn through; `camera` is its pinhole view
+
+    def project(self, points_in_camera: Floats) -> tuple[Floats, Floats]:
+        """Pixels (n, 2) of the images as they are drawn, and the depths (n,), or with a lens the ranges, of points."""
+        if self.distortion is None:
+            return self.camera.project(points_in_camera), points_in_camera[:, 2]
+        return self.distortion.project_raw(points_in_camera), np.linalg.norm(points_in_camera, axis=1)
 
 
 def make_street(bodies: Category | BodySource, seed: int = 0, config: StreetConfig | None = None) -> Street:
@@ -136,6 +147,16 @@ def street_camera(config: StreetConfig) -> Camera:
     """A camera whose horizon lies a little above the image's middle."""
     centre = (config.width_px - 1) / 2, 0.42 * config.height_px
     return Camera(config.width_px, config.height_px, config.focal_px, config.focal_px, *centre)
+
+
+def street_lens(config: StreetConfig) -> Distortion | None:
+    """The fisheye, its axis in the image's middle; None for a pinhole camera."""
+    if config.lens == "pinhole":
+        return None
+    focal_px = config.width_px / float(np.radians(config.field_deg))
+    centre = (config.width_px - 1) / 2, (config.height_px - 1) / 2
+    raw = Camera(config.width_px, config.height_px, focal_px, focal_px, *centre)
+    return undistorted(raw, np.zeros(4), "equidistant")[0]
 
 
 def furnished(
@@ -163,9 +184,19 @@ def furnished(
     for k in range(config.moving_cars):
         cars.append(_moving_car(len(cars) + 1, k, road, draw(rng), rng, config))
     walls = walls_along(road, rng, config.kerb_m)
-    height = config.camera_height_m
+    lens = street_lens(config)
     return Street(
-        seed, camera, times_s, world_from_camera, height, config.kerb_m, road, tuple(cars), walls, config.mode
+        seed,
+        camera if lens is None else lens.camera,
+        times_s,
+        world_from_camera,
+        config.camera_height_m,
+        config.kerb_m,
+        road,
+        tuple(cars),
+        walls,
+        config.mode,
+        distortion=lens,
     )
 
 
