@@ -372,5 +372,5 @@ def test_classes_are_renamed_and_usual_names_are_guessed(tmp_path):
     told = load_segmenter(path, PLAIN, renamed={"vehicle": "bus", "person": "bus"})
     assert told.names == ("bus",)
     assert [i.name for i in told.segment(painted(64, 64)[0])] == ["bus"]  # of one class now, in one box
-    with pytest.raises(ModelError, match=r"--classes vehicel=….*there are Vehicle, person"):
+    with pytest.raises(ModelError, match=r'no class "vehicel", there are Vehicle, person'):
         load_segmenter(path, renamed={"vehicel": "car"})

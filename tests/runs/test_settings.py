@@ -54,7 +54,7 @@ def another(known, config):
     raise AssertionError(known.name)
 
 
-ADDED = ("input.category_names", "input.allow_outside")  # since 0.1
+ADDED = ("input.category_names", "input.adapter", "input.allow_outside")  # since 0.1
 
 
 def test_every_setting_says_what_it_is():

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from meshslam.cli.options import CameraFromBody, CameraNumber, Detections, Extrinsics, ImuFile, Layout, PosesConvention
+from meshslam.cli.options import (
+    CameraFromBody,
+    CameraNumber,
+    Classes,
+    Detections,
+    Extrinsics,
+    ImuFile,
+    Layout,
+    PosesConvention,
+    class_list,
+)
 
 
 def check(
@@ -16,6 +26,7 @@ def check(
     layout: Layout = None,
     camera: CameraNumber = None,
     detections: Detections = None,
+    classes: Classes = None,
     imu: ImuFile = None,
     imu_from_camera: Extrinsics = None,
     poses_convention: PosesConvention = None,
@@ -36,6 +47,7 @@ def check(
         "layout": layout,
         "camera": camera,
         "detections": detections,
+        "category_names": None if classes is None else tuple(class_list(classes)),
         "imu": imu,
         "imu_from_camera": imu_from_camera,
         "poses_convention": poses_convention,

@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     CameraNumber,
+    Classes,
     ConfigFile,
     Keypoints,
     Layout,
@@ -22,6 +24,8 @@ def detect(
     sequence: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     layout: Layout = None,
     camera: CameraNumber = None,
     keypoints: Keypoints = None,
@@ -37,7 +41,15 @@ def detect(
     from meshslam.runs import open_input, read_config, segment_frames, with_keypoints
 
     settings = read_config(config, "detect")
-    settings = with_input(settings, sequence=sequence, layout=layout, camera=camera, segmenter=segmenter)
+    settings = with_input(
+        settings,
+        sequence=sequence,
+        layout=layout,
+        camera=camera,
+        segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
+    )
     settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)
     with run_outlet() as outlet:

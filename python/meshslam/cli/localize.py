@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
     CameraFromBody,
     CameraNumber,
+    Classes,
     ConfigFile,
     Detections,
     Extrinsics,
@@ -37,6 +39,8 @@ def localize(
     imu: ImuFile = None,
     imu_from_camera: Extrinsics = None,
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
@@ -66,6 +70,8 @@ def localize(
         imu=imu,
         imu_from_camera=imu_from_camera,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
         layout=layout,
         camera=camera,

@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
     CameraFromBody,
     CameraNumber,
     CategoryName,
+    Classes,
     ConfigFile,
     Detections,
     Keypoints,
@@ -30,6 +32,8 @@ def map_(
     sequence: SequenceFolder = None,
     out: RunFolder = Path("run"),
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
@@ -59,6 +63,8 @@ def map_(
         read_config(config, "map"),
         sequence=sequence,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
         layout=layout,
         camera=camera,

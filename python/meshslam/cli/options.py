@@ -16,6 +16,12 @@ Segmenter = Annotated[
     str | None, typer.Option(help="ONNX file, a name in `meshslam models list`, or colour: a simulated world's.")
 ]
 Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
+Adapter = Annotated[
+    Path | None, typer.Option(help="How the network is fed and read (YAML), instead of NAME.adapter.yaml beside it.")
+]
+Classes = Annotated[
+    str | None, typer.Option(help="Classes that are others of ours: vehicle=car, or vehicle=car,Van=car.")
+]
 Layout = Annotated[str | None, typer.Option(help="kitti-raw, kitti-odometry or folder, where the path does not tell.")]
 CameraNumber = Annotated[int | None, typer.Option(help="Which camera of the layout, or of the extrinsics' file.")]
 CategoryName = Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")]
@@ -43,7 +49,9 @@ def with_input(settings: Config, **given: str | int | Path | None) -> Config:
     """The settings with what was given of their input; files by their whole paths, so that a run can be repeated."""
     from meshslam.runs import overlaid
 
-    values = {key: _plain(key, value) for key, value in given.items() if value is not None}
+    values: dict[str, object] = {key: _plain(key, value) for key, value in given.items() if value is not None}
+    if isinstance(values.get("category_names"), str):
+        values["category_names"] = class_list(str(values["category_names"]))
     return overlaid(settings, {"input": values}, "flags")
 
 
@@ -52,6 +60,15 @@ def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
     from meshslam.runs import overlaid
 
     return settings if keypoints is None else overlaid(settings, {"keypoints": {"enabled": keypoints}}, "flags")
+
+
+def class_list(given: str) -> list[str]:
+    """Pairs of `--classes`, as the setting has them; ConfigError for what is none."""
+    from meshslam.perception import renamings
+
+    pairs = [entry.strip() for entry in given.split(",") if entry.strip()]
+    renamings(pairs or [given])
+    return pairs
 
 
 def _plain(key: str, value: str | int | Path) -> str | int:

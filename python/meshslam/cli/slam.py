@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
     CameraFromBody,
     CameraNumber,
+    Classes,
     ConfigFile,
     Detections,
     Extrinsics,
@@ -33,6 +35,8 @@ def slam(
     imu: ImuFile = None,
     imu_from_camera: Extrinsics = None,
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     layout: Layout = None,
     camera: CameraNumber = None,
@@ -65,6 +69,8 @@ def slam(
         imu=imu,
         imu_from_camera=imu_from_camera,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
         layout=layout,
         camera=camera,

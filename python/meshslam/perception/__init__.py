@@ -1,5 +1,6 @@
 """Segmentation, tracking, and detections in and out."""
 
+from meshslam.perception.adapter import adapter_beside
 from meshslam.perception.boxes import are_near, nearness_on_ground
 from meshslam.perception.class_names import renamings, untracked
 from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
@@ -61,6 +62,7 @@ __all__ = [
     "Segmenter",
     "SegmenterConfig",
     "TrackerConfig",
+    "adapter_beside",
     "add_keypoints",
     "add_model",
     "angle_distribution",

@@ -40,6 +40,14 @@ def renamings(given: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def unknown_renaming(renamed: Mapping[str, str], names: Collection[str]) -> str | None:
+    """What to tell where a class is to be renamed that is not there; None otherwise."""
+    small = {name.strip().lower() for name in names}
+    unknown = [theirs for theirs in renamed if theirs not in small]
+    there = ", ".join(quoted(name)[1:-1] for name in list(dict.fromkeys(names))[:6]) or "none"
+    return f"{SETTING}: no class {quoted(unknown[0])}, there are {there}"[:200] if unknown else None
+
+
 def canonical_names(
     categories: Sequence[CategoryEntry], renamed: Mapping[str, str] | None, tracked: Collection[str], faults: Faults
 ) -> ClassNames:

@@ -7,11 +7,10 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from meshslam.errors import ModelError
-from meshslam.perception.class_names import canonical_names
+from meshslam.perception.class_names import canonical_names, unknown_renaming
 from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS
 from meshslam.perception.detections import CategoryEntry
 from meshslam.perception.faults import Faults
-from meshslam.perception.json_values import quoted
 
 NUMBERED = 91  # columns of networks that use COCO's numbers, of which 0 and ten more are no class
 
@@ -63,16 +62,9 @@ def used_names(
     if renamed is None:
         return {name: name for name in names}, ()
     faults, different = Faults(path), list(dict.fromkeys(names))
-    check_known(path, different, renamed)
+    unknown = unknown_renaming(renamed, different)
+    if unknown is not None:
+        raise ModelError(f"{path}: {unknown}")
     entries = tuple(CategoryEntry(i, name) for i, name in enumerate(different))
     found = canonical_names(entries, renamed, tracked, faults).of_category
     return {name: found[i] for i, name in enumerate(different)}, tuple(faults.notes)
-
-
-def check_known(path: Path, names: Collection[str], renamed: Mapping[str, str]) -> None:
-    """ModelError where a class is to be renamed that is not there."""
-    small = {name.lower() for name in names}
-    for theirs in renamed:
-        if theirs not in small:
-            there = ", ".join(sorted(names)[:8])
-            raise ModelError(f"{path}: --classes {quoted(theirs)[1:-1]}=…: no such class, there are {there}"[:300])

@@ -12,7 +12,7 @@ import numpy as np
 
 from meshslam.errors import DetectionError
 from meshslam.geometry import Floats
-from meshslam.perception.class_names import canonical_names, untracked
+from meshslam.perception.class_names import canonical_names, unknown_renaming, untracked
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.faults import Faults
@@ -67,12 +67,14 @@ def read_recorded_detections(
     return replace(plausible(found, crowd, faults), warnings=tuple(faults.notes))
 
 
-def check_detections(path: Path, sequence: Sequence | None, report: Report) -> None:
+def check_detections(
+    path: Path, sequence: Sequence | None, report: Report, renamed: Mapping[str, str] | None = None
+) -> None:
     """Put every problem and note of a recording's detection file into a report that collects.
 
     What runs refuse is a problem here, and nothing else is: both read with `read_recorded_detections`.
     """
-    found = read_recorded_detections(path, sequence, report=report)
+    found = read_recorded_detections(path, sequence, renamed, report=report)
     unused = untracked(found, VEHICLES)
     if unused is not None:
         report.note(Path(path), "", unused)
@@ -90,6 +92,9 @@ def _read(
     named = {id_ for id_, row in (rows["images"] or {}).items() if "file_name" in row}
     frames = frames_of_images(images, named, sequence, faults)
     categories = _entries(faults, root, "categories", lambda row, _where: _category(row))
+    unknown = unknown_renaming(renamed or {}, [c.name for c in categories])
+    if unknown is not None:
+        faults.add("categories", unknown)
     names = canonical_names(categories, renamed, tracked, faults)
     reader = _AnnotationReader(
         faults, rows, {i.id: i for i in images}, frames.of_image, {c.id: c for c in categories}, names.of_category
