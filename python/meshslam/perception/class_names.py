@@ -71,6 +71,17 @@ def canonical_names(
     return ClassNames(tuple(by_name.values()), used)
 
 
+def renamed_set(found: DetectionSet, renamed: Mapping[str, str], where: str) -> DetectionSet:
+    """The detections with classes that are others of ours; ConfigError where one is not there."""
+    names = {c.name: renamed.get(c.name.lower(), c.name) for c in found.categories}
+    unknown = unknown_renaming(renamed, tuple(names))
+    if unknown is not None:
+        raise ConfigError(f"{where}: {unknown}")
+    categories = {names[c.name]: replace(c, name=names[c.name]) for c in reversed(found.categories)}
+    detections = tuple(replace(d, category=names[d.category]) for d in found.detections)
+    return replace(found, categories=tuple(reversed(categories.values())), detections=detections)
+
+
 def untracked(found: DetectionSet, tracked: Collection[str]) -> str | None:
     """What to tell where there are detections but none is of a class that is tracked; None otherwise."""
     counts = Counter(d.category for d in found.detections)

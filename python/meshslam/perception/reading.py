@@ -50,6 +50,7 @@ def read_recorded_detections(
     renamed: Mapping[str, str] | None = None,
     tracked: Collection[str] = VEHICLES,
     report: Report | None = None,
+    prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
 ) -> DetectionSet:
     """Read the detections that come with a recording: as `read_detections`, then made plausible.
 
@@ -59,11 +60,13 @@ def read_recorded_detections(
     for a class, and an id that two annotations of a frame have is not used there. All of this is said in the set's
     `warnings`.
 
+    `prepare` brings what another tool wrote to the contract before it is read; `renamed` None keeps all names then.
     Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
     and entries with problems are left out.
     """
     faults = Faults(Path(path), report)
-    found, crowd = _read(faults, sequence, renamed or {}, tracked)
+    names = renamed if prepare is not None else renamed or {}
+    found, crowd = _read(faults, sequence, names, tracked, prepare)
     return replace(plausible(found, crowd, faults), warnings=tuple(faults.notes))
 
 
@@ -81,12 +84,17 @@ def check_detections(
 
 
 def _read(
-    faults: Faults, sequence: Sequence | None, renamed: Mapping[str, str] | None, tracked: Collection[str]
+    faults: Faults,
+    sequence: Sequence | None,
+    renamed: Mapping[str, str] | None,
+    tracked: Collection[str],
+    prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
 ) -> tuple[DetectionSet, frozenset[int]]:
     """The detections, and the ids of those with iscrowd 1."""
     root = faults.attempt("", lambda: _root(faults.path))
     if root is None:
         return DetectionSet((), (), ()), frozenset()
+    root = root if prepare is None else prepare(root, faults)
     images = _entries(faults, root, "images", lambda row, _where: _image(row))
     rows = {key: _rows_by_id(root, key) for key in ("images", "categories")}
     named = {id_ for id_, row in (rows["images"] or {}).items() if "file_name" in row}
