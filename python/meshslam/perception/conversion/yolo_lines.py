@@ -21,6 +21,8 @@ _ID = re.compile(r"\d{1,16}", re.ASCII)  # as trackers write it: no dot
 _BORDER = 0.01  # share of the image's height within which a point is at its border
 _BOX = 5  # a class, and centre and size of a box
 _FILLED = 0.5  # share of a pose's box that its points extend over, at least
+MANY = 8  # lines, of which not all are polygons that read as poses
+_LONG_WAY = 1.5  # of the sides of the box around an outline
 _MARGIN = 0.1  # of a box's size, by which points may lie outside
 
 
@@ -99,8 +101,17 @@ def _last_is_track(lines: Sequence[Line]) -> bool:
 
 
 def are_poses(lines: Sequence[Line]) -> bool:
-    """Whether all lines read as boxes that their key points fill, and not as polygons."""
-    return points_of_poses(lines) is not None and sum(_leaves_polygon(line) for line in lines) > len(lines) / 2
+    """Whether all lines read as boxes that their key points fill, and not as polygons.
+
+    Some polygons read so, too, but not many in a row; their second corner is near the others, as a box's size is
+    not, and they go around.
+    """
+    told = points_of_poses(lines)
+    if told is None:
+        return False
+    count = min(len(line.words) for line in lines) - told[1]
+    away = sum(_has_size_away(line, told[0], count) or _jumps(line) for line in lines)
+    return away > len(lines) / 2 or len(lines) >= MANY
 
 
 def points_of_poses(lines: Sequence[Line]) -> tuple[int, int] | None:
@@ -128,9 +139,16 @@ def _fill_box(line: Line, each: int, count: int) -> bool:
     return bool(inside.all() and (np.ptp(seen[:, :2], axis=0) >= _FILLED * box[2:]).any())
 
 
-def _leaves_polygon(line: Line) -> bool:
-    """Whether a box's size, taken for a corner, is away from all others: a polygon's corner is not."""
-    points = np.array(line.values()[1 : len(line.words) // 2 * 2 - 1]).reshape(-1, 2)
-    size, others = points[1], np.delete(points, 1, 0)
-    low, high = others.min(0), others.max(0)
+def _has_size_away(line: Line, each: int, count: int) -> bool:
+    """Whether a box's size, taken for a point, is away from its centre and its key points, up to word `count`."""
+    values = np.array(line.values()[1:count])
+    size, points = values[2:4], np.vstack([values[:2], values[4:].reshape(-1, each)[:, :2]])
+    low, high = points.min(0), points.max(0)
     return bool(((size < low - (high - low)) | (size > high + (high - low))).any())
+
+
+def _jumps(line: Line) -> bool:
+    """Whether the way along a line's pairs is long against the box around them: an outline's is not."""
+    points = np.array(line.values()[1 : (len(line.words) - 1) // 2 * 2 + 1]).reshape(-1, 2)
+    way = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1).sum()
+    return bool(way > _LONG_WAY * 2 * np.ptp(points, axis=0).sum())

@@ -42,6 +42,10 @@ def from_yolo_txt(
         raise DetectionError(f"{lines[0].where}: {_POSES}")
     found, ends = _read(lines, shape, tracked, frames, table)
     notes = class_note(folder, Counter(int(float(line.words[0])) for line in lines), table, given=names is not None)
+    if shape is None and points_of_poses(lines) is not None:
+        notes += (
+            f"{folder}: lines are read as polygons, but may be boxes with key points: --yolo segment or pose tells",
+        )
     return gathered(found, frames, notes=[*notes, *_notes(folder, found, ends, shape)])
 
 
