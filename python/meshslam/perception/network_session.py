@@ -21,6 +21,7 @@ WEIGHTS = {  # files that are no ONNX: how they become it
 }
 WEIGHTS |= {".ckpt": WEIGHTS[".pth"]}
 _OTHERS = (".engine", ".torchscript", ".tflite", ".pb", ".mlpackage", ".xml", ".safetensors", ".h5", ".keras")
+NOT_ONNX = (*WEIGHTS, *_OTHERS)
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def open_network(path: Path, threads: int = 2) -> Any:  # noqa: ANN401 # untyped
     """ONNX Runtime's session of a file; ModelError if it is none, with the way to ONNX where it is a known other."""
     import onnxruntime  # slow to import: only those who segment wait for it
 
-    if path.suffix.lower() in (*WEIGHTS, *_OTHERS):
+    if path.suffix.lower() in NOT_ONNX:
         raise ModelError(not_onnx(path))
     if not path.is_file():
         raise ModelError(f"{path}: no such file, expected an ONNX export of an instance segmentation network")
