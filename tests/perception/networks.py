@@ -86,19 +86,34 @@ def other_network(path, output_shapes, input_shape=(1, 3, SIDE, SIDE), metadata=
 
 
 def listing_network(
-    path, outputs, masks, metadata=None, size=(SIDE, SIDE), mix=None, cell=4, inner=None, dtype=None, squeeze=False
+    path,
+    outputs,
+    masks,
+    metadata=None,
+    size=(SIDE, SIDE),
+    mix=None,
+    cell=4,
+    inner=None,
+    dtype=None,
+    squeeze=False,
+    step=None,
 ):
     """Write a network whose `outputs` (arrays by name) are constants; output `masks` (1, N, h, w) follows the colours.
 
     `mix` (N, 4) gives weights of the input's three channels and an offset for each mask. `size` None leaves the size
     open. With `inner` (name, count) the output of that name depends on the best `count` of the input's 8 px cells, as
     in networks that choose their best themselves. With `squeeze` the input is (3, h, w) and masks are (N, 1, h, w).
+    `step` is an operator with a constant that comes before all others.
     """
     nodes, constants, infos = [], [], []
     image = "images"
     if dtype == TensorProto.UINT8:
         nodes.append(helper.make_node("Cast", ["images"], ["numbers"], to=TensorProto.FLOAT))
         image = "numbers"
+    if step is not None:
+        constants.append(_constant("step", np.asarray(step[1], np.float32)))
+        nodes.append(helper.make_node(step[0], [image, "step"], ["stepped"]))
+        image = "stepped"
     mix = np.asarray(mix, np.float32)
     if squeeze:
         constants.append(_constant("first", np.array([0], np.int64)))

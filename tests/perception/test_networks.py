@@ -6,6 +6,7 @@ from onnx import TensorProto
 
 from meshslam.errors import ModelError
 from meshslam.perception import SegmenterConfig, load_segmenter
+from meshslam.perception.network_range import expects_bytes
 from tests.perception.networks import SIDE, colour_network, listing_network, other_network
 
 RED, BLUE = (0, 0, 255), (255, 0, 0)  # BGR
@@ -166,6 +167,37 @@ def test_bytes_in_are_0_to_255(tmp_path):
         tmp_path / "net.onnx", {"output0": rows}, "output1", END2END, mix=rows_of_bytes, dtype=TensorProto.UINT8
     )
     check(load_segmenter(path, PLAIN))
+
+
+CHANNELS = (1, 3, 1, 1)
+FIRST_STEPS = {
+    "a division": (("Div", 255.0), True),
+    "a factor": (("Mul", 1 / 255), True),
+    "means of 0 to 255": (("Sub", np.reshape([123.7, 116.3, 103.5], CHANNELS)), True),
+    "means of 0 to 1": (("Sub", np.reshape(IMAGENET[0], CHANNELS)), False),
+    "deviations of 0 to 1": (("Div", np.reshape(IMAGENET[1], CHANNELS)), False),
+    "another factor": (("Mul", 2.0), False),
+}
+
+
+@pytest.mark.parametrize("name", FIRST_STEPS)
+def test_the_first_step_tells_whether_0_to_255_is_expected(tmp_path, name):
+    step, is_bytes = FIRST_STEPS[name]
+    segmenter = load_segmenter(finished(tmp_path / "net.onnx", END2END, step=step), PLAIN)
+    assert segmenter.kind.expected.white == (255 if is_bytes else 1)
+    assert any("from 0 to 255" in note for note in segmenter.notes) == is_bytes
+    if name == "a division":
+        check(segmenter)
+    (tmp_path / "net.adapter.yaml").write_text("input: {scale: 0-1}\n")
+    assert load_segmenter(tmp_path / "net.onnx").kind.expected.white == 1
+
+
+def test_a_file_that_is_no_onnx_says_nothing_of_its_first_step(tmp_path):
+    whole = finished(tmp_path / "net.onnx", END2END, step=("Div", 255.0)).read_bytes()
+    assert expects_bytes(tmp_path / "net.onnx", "images")
+    for content in (b"", b"x", whole[:100], whole[: len(whole) // 2], bytes(range(256)) * 8):
+        (tmp_path / "cut.onnx").write_bytes(content)
+        assert not expects_bytes(tmp_path / "cut.onnx", "images")
 
 
 def test_a_class_without_a_name_is_an_error_and_not_left_out(tmp_path):

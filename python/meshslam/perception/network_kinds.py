@@ -15,6 +15,7 @@ from meshslam.perception.candidates import Candidates
 from meshslam.perception.mask_rcnn import CELLS, recognize_mask_rcnn
 from meshslam.perception.network_classes import names_of_columns, names_of_metadata
 from meshslam.perception.network_output import Part, Table, decode_table
+from meshslam.perception.network_range import expects_bytes
 from meshslam.perception.network_session import NetworkSession, shapes_text
 from meshslam.perception.preprocessing import IMAGENET, Preprocessing
 from meshslam.perception.rf_detr import recognize_rf_detr
@@ -49,6 +50,16 @@ class NetworkKind:
 
 def kind_of(session: NetworkSession, adapter: Adapter | None) -> NetworkKind:
     """Tell a network's kind from its adapter, or from its outputs and metadata; ModelError if neither fits."""
+    found = _kind(session, adapter)
+    if found.expected.white == 255 or (adapter is not None and "white" in adapter.given):
+        return found
+    if session.dtype is not np.uint8 and not expects_bytes(session.path, session.input_name):
+        return found
+    note = f"{session.path}: works on values from 0 to 255, by its first step: it gets these"
+    return replace(found, expected=replace(found.expected, white=255.0), notes=(*found.notes, note))
+
+
+def _kind(session: NetworkSession, adapter: Adapter | None) -> NetworkKind:
     if adapter is not None and adapter.table is not None:
         return _adapted(session, adapter, adapter.table)
     listed = recognize_rf_detr(session.outputs)
@@ -124,7 +135,7 @@ def _yolo(session: NetworkSession, adapter: Adapter | None) -> NetworkKind:
         raise ModelError(f"{session.path}: {error}") from None
     own = adapter is not None and adapter.classes is not None
     names = {0: ""} if own else names_of_metadata(session.path, session.metadata, layout.classes)
-    usual = Preprocessing(white=255.0) if session.dtype is np.uint8 else Preprocessing()
+    usual = Preprocessing()
     told = "stride" in session.metadata or "imgsz" in session.metadata
     notes = (
         f"its metadata do not say what it expects: {usual.text()} (input of an adapter says otherwise)",
