@@ -1,6 +1,7 @@
 import pytest
 
 from meshslam.errors import ModelError
+from meshslam.perception import load_segmenter
 from meshslam.perception.model_store import add_model, find_model, stored_models
 from tests.perception.networks import colour_network
 
@@ -58,6 +59,26 @@ def test_no_two_models_share_a_name_and_no_name_leaves_the_store(network, tmp_pa
         add_model(other)
     with pytest.raises(ModelError, match="name"):
         add_model(other, name="../up")
+
+
+def test_an_adapter_goes_with_its_network(network, tmp_path):
+    (tmp_path / "colour.adapter.yaml").write_text("classes: [van, human]\n")
+    beside = add_model(network)
+    assert load_segmenter(beside.path).names == ("van", "human")
+    (tmp_path / "other.yaml").write_text("classes: [bus, human]\n")
+    given = add_model(network, name="other", adapter=tmp_path / "other.yaml")
+    assert load_segmenter(given.path).names == ("bus", "human")
+    assert {m.name for m in stored_models()} == {"colour", "other"}
+    with pytest.raises(ModelError, match=r"nothing\.yaml: cannot be read"):
+        add_model(network, name="third", adapter=tmp_path / "nothing.yaml")
+    assert not (tmp_path / "store" / "third.onnx").exists()
+
+
+def test_weights_that_are_no_onnx_come_with_the_way_to_it(tmp_path):
+    (tmp_path / "best.pt").write_bytes(b"PK")
+    for ask in (lambda: find_model("best.pt"), lambda: add_model(tmp_path / "best.pt")):
+        with pytest.raises(ModelError, match=r"yolo export model=best\.pt format=onnx"):
+            ask()
 
 
 def test_a_file_that_is_no_network_is_refused(tmp_path):

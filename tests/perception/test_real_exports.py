@@ -1,6 +1,6 @@
 """Exports of the networks' own makers, with random weights: names, shapes and open sizes are theirs.
 
-Needs torchvision and ultralytics, which no extra installs; `pip install torchvision ultralytics onnx` beside them.
+Needs torchvision, ultralytics and rfdetr, which no extra installs; `pip install torchvision ultralytics rfdetr onnx`.
 """
 
 import numpy as np
@@ -68,7 +68,47 @@ def test_mask_rcnn_by_torchvision(mask_rcnn, image, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", ["yolov8n-seg.yaml", "yolo11n-seg.yaml"])
+def test_mask_rcnn_of_a_fixed_size(mask_rcnn, image, tmp_path):
+    """Exported without names and open sizes, by the exporter that works (dynamo=False)."""
+    torch = pytest.importorskip("torch")
+    path = tmp_path / "fixed.onnx"
+    torch.onnx.export(mask_rcnn, ([torch.rand(3, 90, 160)],), str(path), dynamo=False)
+    segmenter = load_segmenter(path, SegmenterConfig(min_area_px=1, zoom=1.0))
+    assert segmenter.kind.name == "Mask R-CNN"
+    found = segmenter.segment(image)
+    assert {i.name for i in found} == {"car"}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_rf_detr(image, tmp_path):
+    """Masks are those of the network's own postprocessing."""
+    torch, rfdetr = pytest.importorskip("torch"), pytest.importorskip("rfdetr")
+    torch.manual_seed(0)
+    network = rfdetr.RFDETRSegNano(pretrain_weights=None)
+    network.export(output_dir=str(tmp_path), verbose=False)
+    (path,) = tmp_path.glob("*.onnx")
+    segmenter = load_segmenter(path, SegmenterConfig(score_threshold=0.0, min_area_px=1, zoom=1.0))
+    assert segmenter.kind.name == "RF-DETR"
+    assert segmenter.names == COCO_CLASSES
+    assert segmenter.segment(image)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("nms", [False, True])
+@pytest.mark.parametrize("dynamic", [False, True])
+def test_finished_rows_by_ultralytics(nms, dynamic, image, tmp_path, monkeypatch):
+    torch, ultralytics = pytest.importorskip("torch"), pytest.importorskip("ultralytics")
+    monkeypatch.chdir(tmp_path)
+    torch.manual_seed(0)
+    network = ultralytics.YOLO("yolo26n-seg.yaml")
+    path = network.export(format="onnx", imgsz=(160, 320), nms=nms, dynamic=dynamic, simplify=False)
+    segmenter = load_segmenter(path, SegmenterConfig(score_threshold=0.0, min_area_px=1, zoom=1.0))
+    assert segmenter.layout.kind == "rows"
+    segmenter.segment(np.kron(image, np.ones((4, 2, 1), np.uint8)))
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["yolov8n-seg.yaml", "yolo11n-seg.yaml", "yolo26n-seg.yaml"])
 @pytest.mark.parametrize("dynamic", [False, True])
 def test_yolo_by_ultralytics(name, dynamic, image, tmp_path, monkeypatch):
     torch, ultralytics = pytest.importorskip("torch"), pytest.importorskip("ultralytics")

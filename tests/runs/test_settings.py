@@ -56,6 +56,7 @@ def another(known, config):
 
 ADDED = (  # since 0.1
     "input.category_names",
+    "input.adapter",
     "input.allow_outside",
     "input.camera_file",
     "input.size",

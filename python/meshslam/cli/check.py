@@ -8,13 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from meshslam.cli.options import Detections, takes_recording
+from meshslam.cli.options import Classes, Detections, class_list, takes_recording
 
 
 @takes_recording
 def check(
     sequence: Annotated[Path, typer.Argument(help="Folder or file of the recording.")],
     detections: Detections = None,
+    classes: Classes = None,
     json: Annotated[bool, typer.Option("--json", help="Print problems and notes with their figures as JSON.")] = False,
     *,
     recording: Any,  # noqa: ANN401 # settings of `input`
@@ -32,6 +33,7 @@ def check(
         "sequence": sequence,
         **recording,
         "detections": detections,
+        "category_names": None if classes is None else tuple(class_list(classes)),
     }
     values = {
         key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None

@@ -8,15 +8,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from meshslam.cli.options import Classes
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshslam.perception import DetectionSet, ImageFrames
 
 
+class YoloShape(StrEnum):
+    """What lines of YOLO's text files are."""
+
+    segment = "segment"
+    pose = "pose"
+    boxes = "boxes"
+
+
 class Source(StrEnum):
     """What can be converted."""
 
+    coco = "coco"
     coco_results = "coco-results"
     yolo = "yolo"
     openpifpaf = "openpifpaf"
@@ -26,16 +37,26 @@ class Source(StrEnum):
 
 def convert(
     source: Annotated[Source, typer.Argument(help="Whose detections they are.")],
-    path: Annotated[Path, typer.Argument(help="File (coco-results, mots-txt) or folder (yolo, openpifpaf, mots-png).")],
+    path: Annotated[
+        Path, typer.Argument(help="File (coco, coco-results, mots-txt) or folder (yolo, openpifpaf, mots-png).")
+    ],
     sequence: Annotated[Path, typer.Option(help="Folder of the recording: its frames and its images' size.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     masks: Annotated[Path | None, typer.Option(help="openpifpaf: detections with masks, which get the points.")] = None,
     names: Annotated[
         str | None,
         typer.Option(
-            help="yolo, coco-results: names of the class numbers: a file such as Ultralytics' data.yaml, or car,truck."
+            help="yolo, coco, coco-results: names of class numbers: a file (Ultralytics' data.yaml), or car,truck."
         ),
     ] = None,
+    classes: Classes = None,
+    yolo: Annotated[
+        YoloShape | None, typer.Option(help="yolo: what lines are, where they do not tell; boxes become masks.")
+    ] = None,
+    tracked: Annotated[
+        bool | None, typer.Option("--tracked/--no-tracked", help="yolo: whether lines end in a track's number.")
+    ] = None,
+    video: Annotated[str | None, typer.Option(help="coco: which of the file's videos the recording is.")] = None,
     first_frame: Annotated[
         int | None, typer.Option(help="Number that the files give to the recording's first frame, such as 1.")
     ] = None,
@@ -49,22 +70,31 @@ def convert(
     import sys
     from functools import partial
 
+    from meshslam.cli.options import class_list
     from meshslam.errors import DetectionError
     from meshslam.maps import write_atomically
     from meshslam.perception import (
         ImageFrames,
         counted_from_one,
+        from_coco,
         from_coco_results,
         from_mots_png,
         from_mots_txt,
         from_yolo_txt,
         read_class_names,
         read_detections,
+        renamed_set,
+        renamings,
         with_openpifpaf,
         write_detections,
     )
     from meshslam.runs import InputConfig, open_input
 
+    for_yolo = {"--yolo": yolo, "--tracked": tracked}
+    unused = [flag for flag, value in for_yolo.items() if value is not None and source is not Source.yolo]
+    unused += ["--video"] if video is not None and source is not Source.coco else []
+    if unused:
+        raise DetectionError(f"{unused[0]}: {source} does not use it: leave it out")
     recording = open_input(InputConfig(sequence=str(sequence), layout=layout, camera=camera))
     raw = recording.raw_camera
     frames = ImageFrames(recording.frame_ids, raw.width, raw.height, first_frame)
@@ -82,12 +112,17 @@ def convert(
         if table is not None and source is Source.coco_results and "=" not in str(names):
             table = counted_from_one(path, table)
         readers: dict[Source, Callable[[Path, ImageFrames], DetectionSet]] = {
+            Source.coco: lambda path, frames: from_coco(path, recording, frames, table, video),
             Source.coco_results: partial(from_coco_results, names=table),
-            Source.yolo: partial(from_yolo_txt, names=table),
+            Source.yolo: partial(
+                from_yolo_txt, names=table, shape=None if yolo is None else yolo.value, tracked=tracked
+            ),
             Source.mots_txt: from_mots_txt,
             Source.mots_png: from_mots_png,
         }
         found = readers[source](path, frames)
+    if classes is not None:
+        found = renamed_set(found, renamings(class_list(classes)), str(path))
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(out, write_detections(found))
     for note in found.warnings:

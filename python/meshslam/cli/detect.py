@@ -8,6 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
+    Classes,
     ConfigFile,
     Keypoints,
     Segmenter,
@@ -22,6 +24,8 @@ def detect(
     sequence: Annotated[Path, typer.Argument(help="Folder or file of the recording.")],
     out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     keypoints: Keypoints = None,
     config: ConfigFile = None,
     *,
@@ -39,7 +43,9 @@ def detect(
     from meshslam.runs import open_input, read_config, segment_frames, with_keypoints
 
     settings = read_config(config, "detect")
-    settings = with_input(settings, sequence=sequence, segmenter=segmenter, **recording)
+    settings = with_input(
+        settings, sequence=sequence, segmenter=segmenter, adapter=adapter, category_names=classes, **recording
+    )
     settings = with_keypoint_network(settings, keypoints)
     recording = open_input(settings.input)
     with run_outlet() as outlet:

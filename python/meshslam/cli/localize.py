@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
+    Classes,
     ConfigFile,
     Detections,
     Keypoints,
@@ -31,6 +33,8 @@ def localize(
         bool, typer.Option("--allow-outside", help="Read meshes outside the map's folder.")
     ] = False,
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     keypoints: Keypoints = None,
     solver: Annotated[str | None, typer.Option(help="smoother, or gradient: the paper's, pose by pose.")] = None,
@@ -57,6 +61,8 @@ def localize(
         map=map_path,
         allow_outside=allow_outside or None,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
     )
     settings = with_keypoint_network(settings, keypoints)

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
     CategoryName,
+    Classes,
     ConfigFile,
     Detections,
     Keypoints,
@@ -28,6 +30,8 @@ def map_(
     sequence: SequenceFolder = None,
     out: RunFolder = Path("run"),
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     category: CategoryName = None,
     tracker: Annotated[str | None, typer.Option(help="hungarian, or paper: greedy, tracks that are lost end.")] = None,
@@ -56,6 +60,8 @@ def map_(
         sequence=sequence,
         **recording,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
         category=category,
     )

@@ -19,6 +19,12 @@ Segmenter = Annotated[
     str | None, typer.Option(help="ONNX file, a name in `meshslam models list`, or colour: a simulated world's.")
 ]
 Detections = Annotated[Path | None, typer.Option(help="Detections (COCO JSON) instead of a network.")]
+Adapter = Annotated[
+    Path | None, typer.Option(help="How the network is fed and read (YAML), instead of NAME.adapter.yaml beside it.")
+]
+Classes = Annotated[
+    str | None, typer.Option(help="Classes that are others of ours: vehicle=car, or vehicle=car,Van=car.")
+]
 CategoryName = Annotated[str | None, typer.Option(help="Category to map: a shipped one, or a file (.npz).")]
 Keypoints = Annotated[
     bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
@@ -121,7 +127,9 @@ def with_input(settings: Config, **given: Any) -> Config:  # noqa: ANN401 # what
     """The settings with what was given of their input; files by their whole paths, so that a run can be repeated."""
     from meshslam.runs import overlaid
 
-    values = {key: _plain(key, value) for key, value in given.items() if value is not None}
+    values: dict[str, object] = {key: _plain(key, value) for key, value in given.items() if value is not None}
+    if isinstance(values.get("category_names"), str):
+        values["category_names"] = class_list(str(values["category_names"]))
     return overlaid(settings, {"input": values}, "flags")
 
 
@@ -130,6 +138,15 @@ def with_keypoint_network(settings: Config, keypoints: bool | None) -> Config:
     from meshslam.runs import overlaid
 
     return settings if keypoints is None else overlaid(settings, {"keypoints": {"enabled": keypoints}}, "flags")
+
+
+def class_list(given: str) -> list[str]:
+    """Pairs of `--classes`, as the setting has them; ConfigError for what is none."""
+    from meshslam.perception import renamings
+
+    pairs = [entry.strip() for entry in given.split(",") if entry.strip()]
+    renamings(pairs or [given])
+    return pairs
 
 
 def _plain(key: str, value: Any) -> Any:  # noqa: ANN401 # whatever a flag holds

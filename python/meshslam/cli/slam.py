@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from meshslam.cli.options import (
+    Adapter,
     AsJson,
+    Classes,
     ConfigFile,
     Detections,
     Keypoints,
@@ -27,6 +29,8 @@ def slam(
     sequence: SequenceFolder = None,
     out: RunFolder = Path("run"),
     segmenter: Segmenter = None,
+    adapter: Adapter = None,
+    classes: Classes = None,
     detections: Detections = None,
     keypoints: Keypoints = None,
     poses: Annotated[
@@ -59,6 +63,8 @@ def slam(
         sequence=sequence,
         **recording,
         segmenter=segmenter,
+        adapter=adapter,
+        category_names=classes,
         detections=detections,
     )
     settings = with_keypoint_network(settings, keypoints)

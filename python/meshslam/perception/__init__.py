@@ -1,10 +1,12 @@
 """Segmentation, tracking, and detections in and out."""
 
+from meshslam.perception.adapter import adapter_beside
 from meshslam.perception.boxes import are_near, nearness_on_ground
-from meshslam.perception.class_names import renamings, untracked
+from meshslam.perception.class_names import renamed_set, renamings, untracked
 from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
 from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
 from meshslam.perception.conversion.class_numbers import read_class_names
+from meshslam.perception.conversion.coco import from_coco
 from meshslam.perception.conversion.coco_results import counted_from_one, from_coco_results
 from meshslam.perception.conversion.frames import ImageFrames
 from meshslam.perception.conversion.mots import from_mots_png, from_mots_txt
@@ -61,6 +63,7 @@ __all__ = [
     "Segmenter",
     "SegmenterConfig",
     "TrackerConfig",
+    "adapter_beside",
     "add_keypoints",
     "add_model",
     "angle_distribution",
@@ -75,6 +78,7 @@ __all__ = [
     "encode_mask",
     "find_model",
     "follow",
+    "from_coco",
     "from_coco_results",
     "from_mots_png",
     "from_mots_txt",
@@ -89,6 +93,7 @@ __all__ = [
     "read_class_names",
     "read_detections",
     "read_recorded_detections",
+    "renamed_set",
     "renamings",
     "store_folder",
     "stored_models",

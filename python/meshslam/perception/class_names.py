@@ -40,6 +40,14 @@ def renamings(given: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def unknown_renaming(renamed: Mapping[str, str], names: Collection[str]) -> str | None:
+    """What to tell where a class is to be renamed that is not there; None otherwise."""
+    small = {name.strip().lower() for name in names}
+    unknown = [theirs for theirs in renamed if theirs not in small]
+    there = ", ".join(quoted(name)[1:-1] for name in list(dict.fromkeys(names))[:6]) or "none"
+    return f"{SETTING}: no class {quoted(unknown[0])}, there are {there}"[:200] if unknown else None
+
+
 def canonical_names(
     categories: Sequence[CategoryEntry], renamed: Mapping[str, str] | None, tracked: Collection[str], faults: Faults
 ) -> ClassNames:
@@ -61,6 +69,17 @@ def canonical_names(
         if there is not entry:
             by_name[name] = _joined(there, entry, category, renamed, faults)
     return ClassNames(tuple(by_name.values()), used)
+
+
+def renamed_set(found: DetectionSet, renamed: Mapping[str, str], where: str) -> DetectionSet:
+    """The detections with classes that are others of ours; ConfigError where one is not there."""
+    names = {c.name: renamed.get(c.name.lower(), c.name) for c in found.categories}
+    unknown = unknown_renaming(renamed, tuple(names))
+    if unknown is not None:
+        raise ConfigError(f"{where}: {unknown}")
+    categories = {names[c.name]: replace(c, name=names[c.name]) for c in reversed(found.categories)}
+    detections = tuple(replace(d, category=names[d.category]) for d in found.detections)
+    return replace(found, categories=tuple(reversed(categories.values())), detections=detections)
 
 
 def untracked(found: DetectionSet, tracked: Collection[str]) -> str | None:

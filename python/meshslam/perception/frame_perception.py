@@ -86,7 +86,8 @@ class FramePerception:
         if image_bgr is None:
             raise DetectionError(f"frame {frame}: neither an image nor detections: give image=… or detections=…")
         if self._segmenter is None:
-            self._segmenter = _loaded(self._given, self._segmentation)
+            self._segmenter = _loaded(self._given, self._segmentation, self._categories)
+            self.notes = tuple(getattr(self._segmenter, "notes", ()))
         found = segment_frame(frame, image_bgr, self._segmenter, self._next_id)
         self._next_id += len(found)
         return found
@@ -114,9 +115,10 @@ class FramePerception:
         self._tracker.fill(arrays)
 
 
-def _loaded(given: Segmenter | Path | str | None, config: SegmenterConfig) -> Segmenter:
+def _loaded(given: Segmenter | Path | str | None, config: SegmenterConfig, tracked: Sequence[str]) -> Segmenter:
     if given is not None and not isinstance(given, str | Path):
         return given
     if given == COLOUR:
         return ColourSegmenter()
-    return load_segmenter(find_model(None if given is None else str(given)), config)
+    network = find_model(None if given is None else str(given))
+    return load_segmenter(network, config, renamed={}, tracked=tracked)

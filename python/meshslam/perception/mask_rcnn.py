@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ import numpy as np
 
 from meshslam.errors import ModelError
 from meshslam.geometry import AnyArray, Bytes, Floats, Singles
-from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS, association_group
+from meshslam.perception.coco import COCO_CLASSES, COCO_NUMBERS, VEHICLES, association_group
 from meshslam.perception.instances import Instance, SegmenterConfig, first_line, settled
+from meshslam.perception.network_classes import used_names
 from meshslam.perception.suppression import Patch, suppress_boxes
 
 CELLS = 28  # of a mask that is not pasted into the image yet
@@ -51,6 +52,12 @@ def recognize_mask_rcnn(session: Any) -> MaskRcnnLayout | None:  # noqa: ANN401 
     if len(outputs) != 4 or set(place) != {"boxes", "labels", "scores", "masks"}:
         return None
     return MaskRcnnLayout(**place, pasted=outputs[place["masks"]].shape[-1] != CELLS)
+
+
+def has_open_size(session: Any) -> bool:  # noqa: ANN401 # untyped package
+    """Whether a network takes images of any size."""
+    sizes = session.get_inputs()[0].shape[-2:]
+    return not all(isinstance(size, int) for size in sizes)
 
 
 def input_of(image_bgr: Bytes, layout: MaskRcnnLayout, rank: int) -> tuple[Singles, float]:
@@ -101,14 +108,23 @@ class MaskRcnnSegmenter:
         session: Any,  # noqa: ANN401 # untyped package
         layout: MaskRcnnLayout,
         config: SegmenterConfig,
-    ) -> None:  # untyped package
+        renamed: Mapping[str, str] | None = None,
+        tracked: Collection[str] = VEHICLES,
+    ) -> None:
         self.path, self.config, self.layout, self._session = path, config, layout, session
         inputs = session.get_inputs()
         if len(inputs) != 1 or len(inputs[0].shape) not in (3, 4) or inputs[0].type != "tensor(float)":
             found = ", ".join(f"{i.name} {i.shape} {i.type}" for i in inputs)
             raise ModelError(f"{path}: has inputs {found}, expected one float image (3, height, width)")
         self._input, self._rank = inputs[0].name, len(inputs[0].shape)
-        self.names = tuple(dict.fromkeys(layout.names().values()))
+        names, notes = used_names(path, layout.names().values(), renamed, tracked)
+        self._known = {label: names[name] for label, name in layout.names().items()}
+        self.names = tuple(dict.fromkeys(self._known.values()))
+        expected = "RGB from 0 to 1" if layout.pasted else f"BGR less its mean, the shorter side {_ZOO_SHORTER_PX} px"
+        said = (
+            f"{path}: has no metadata: read as Mask R-CNN by its outputs: {len(self._known)} COCO classes, {expected}"
+        )
+        self.notes = (said, *notes)
 
     def segment(self, image_bgr: Bytes) -> list[Instance]:
         """Return the instances in a (height, width, 3) image by falling score; no pixel belongs to two."""
@@ -120,8 +136,7 @@ class MaskRcnnSegmenter:
         height, width = image_bgr.shape[:2]
         found = decode_mask_rcnn(outputs, self.layout, scale, height, width, self.config.score_threshold)
         boxes, scores, labels, patches = found
-        known = self.layout.names()
-        names = [known[label] for label in labels]
+        names = [self._known[label] for label in labels]
         groups = np.array([association_group(name) for name in names], dtype=object)
         best = suppress_boxes(boxes, scores, groups, self.config.iou_threshold)[: self.config.max_instances]
         chosen = [patches[i] for i in best]

@@ -140,7 +140,7 @@ def unpack_counts(counts: str) -> Ints | None:
 
 def _polygon_problem(polygons: Sequence[object], height: int, width: int) -> str | None:
     if not polygons:
-        return "is an empty list, expected at least one polygon"
+        return "is an empty list, expected at least one polygon (`meshslam convert coco` takes the box for the mask)"
     for number, polygon in enumerate(polygons):
         if not isinstance(polygon, list) or len(polygon) < 6 or len(polygon) % 2:
             return f"has a polygon {number} that is no list x0, y0, x1, y1, ... of at least three points"

@@ -11,12 +11,14 @@ from pathlib import Path
 
 from meshslam.errors import ModelError
 from meshslam.files import remove_leftovers_of, write_atomically
+from meshslam.perception.adapter import adapter_beside, read_adapter
+from meshslam.perception.network_session import NOT_ONNX, not_onnx
 
 FOLDER_VARIABLE = "MESHSLAM_MODELS"
 ADVICE = (
-    "get an instance segmentation network as ONNX (such as YOLO11n-seg or YOLOv8n-seg: "
-    "`yolo export model=yolo11n-seg.pt format=onnx`, AGPL-3.0; or a Mask R-CNN export) "
-    "and run `meshslam models add FILE`, or give --segmenter FILE (segmenter='FILE' in Python)"
+    "get an instance segmentation network as ONNX (RF-DETR-seg, Apache-2.0; YOLO11n-seg: `yolo export "
+    "model=yolo11n-seg.pt format=onnx`, AGPL-3.0: docs/networks.md) and run `meshslam models add FILE`, or give "
+    "--segmenter FILE (segmenter='FILE' in Python)"
 )
 
 
@@ -38,12 +40,17 @@ def store_folder() -> Path:
     return Path(given) if given else Path(data) / "meshslam" / "models"
 
 
-def add_model(path: Path, name: str | None = None, licence: str | None = None) -> StoredModel:
+def add_model(
+    path: Path, name: str | None = None, licence: str | None = None, adapter: Path | None = None
+) -> StoredModel:
     """Copy an ONNX file into the store; the name is the file's unless given, the licence the file's metadata's.
 
+    Its adapter goes with it: the one given, or the one that lies beside it.
     ModelError if it is no ONNX model, another model has the name, or the disk does not take it.
     """
     path = Path(path)
+    if path.suffix.lower() in NOT_ONNX:
+        raise ModelError(not_onnx(path))
     if not path.is_file():
         raise ModelError(f"{path}: no such file, expected an ONNX model")
     name = name or path.stem
@@ -59,6 +66,10 @@ def add_model(path: Path, name: str | None = None, licence: str | None = None) -
     _make_store(target)
     # A network without its notes would stop every run that looks into the store: they come first
     write_atomically(_notes(target), (json.dumps(notes, indent=1) + "\n").encode(), ModelError)
+    said = adapter or adapter_beside(path)
+    if adapter is not None or said.is_file():
+        read_adapter(said)
+        write_atomically(adapter_beside(target), said.read_bytes(), ModelError)
     if not target.exists():
         write_atomically(target, content, ModelError)
     return model
@@ -78,6 +89,8 @@ def find_model(chosen: str | None) -> Path:
     """
     if chosen is not None and (Path(chosen).is_file() or os.sep in chosen or chosen.endswith(".onnx")):
         return Path(chosen)
+    if chosen is not None and Path(chosen).suffix.lower() in NOT_ONNX:
+        raise ModelError(not_onnx(Path(chosen)))
     models = stored_models()
     listed = ", ".join(m.name for m in models) or "none"
     if chosen is None and not models:

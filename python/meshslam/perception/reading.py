@@ -12,7 +12,7 @@ import numpy as np
 
 from meshslam.errors import DetectionError
 from meshslam.geometry import Floats
-from meshslam.perception.class_names import canonical_names, untracked
+from meshslam.perception.class_names import canonical_names, unknown_renaming, untracked
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.faults import Faults
@@ -51,6 +51,7 @@ def read_recorded_detections(
     renamed: Mapping[str, str] | None = None,
     tracked: Collection[str] = VEHICLES,
     report: Report | None = None,
+    prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
 ) -> DetectionSet:
     """Read the detections that come with a recording: as `read_detections`, then made plausible.
 
@@ -60,40 +61,52 @@ def read_recorded_detections(
     for a class, and an id that two annotations of a frame have is not used there. Detections of raw images are taken to
     the pinhole view of the recording's lens. All of this is said in the set's `warnings`.
 
+    `prepare` brings what another tool wrote to the contract before it is read; `renamed` None keeps all names then.
     Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
     and entries with problems are left out.
     """
     faults = Faults(Path(path), report)
-    found, crowd = _read(faults, sequence, renamed or {}, tracked)
+    names = renamed if prepare is not None else renamed or {}
+    found, crowd = _read(faults, sequence, names, tracked, prepare)
     found = plausible(found, crowd, faults)
     if sequence is not None and sequence.distortion is not None:
         found = undistorted_detections(found, sequence.distortion, faults)
     return replace(found, warnings=tuple(faults.notes))
 
 
-def check_detections(path: Path, sequence: Sequence | None, report: Report) -> None:
+def check_detections(
+    path: Path, sequence: Sequence | None, report: Report, renamed: Mapping[str, str] | None = None
+) -> None:
     """Put every problem and note of a recording's detection file into a report that collects.
 
     What runs refuse is a problem here, and nothing else is: both read with `read_recorded_detections`.
     """
-    found = read_recorded_detections(path, sequence, report=report)
+    found = read_recorded_detections(path, sequence, renamed, report=report)
     unused = untracked(found, VEHICLES)
     if unused is not None:
         report.note(Path(path), "", unused)
 
 
 def _read(
-    faults: Faults, sequence: Sequence | None, renamed: Mapping[str, str] | None, tracked: Collection[str]
+    faults: Faults,
+    sequence: Sequence | None,
+    renamed: Mapping[str, str] | None,
+    tracked: Collection[str],
+    prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
 ) -> tuple[DetectionSet, frozenset[int]]:
     """The detections, and the ids of those with iscrowd 1."""
     root = faults.attempt("", lambda: _root(faults.path))
     if root is None:
         return DetectionSet((), (), ()), frozenset()
+    root = root if prepare is None else prepare(root, faults)
     images = _entries(faults, root, "images", lambda row, _where: _image(row))
     rows = {key: _rows_by_id(root, key) for key in ("images", "categories")}
     named = {id_ for id_, row in (rows["images"] or {}).items() if "file_name" in row}
     frames = frames_of_images(images, named, sequence, faults)
     categories = _entries(faults, root, "categories", lambda row, _where: _category(row))
+    unknown = unknown_renaming(renamed or {}, [c.name for c in categories])
+    if unknown is not None:
+        faults.add("categories", unknown)
     names = canonical_names(categories, renamed, tracked, faults)
     reader = _AnnotationReader(
         faults, rows, {i.id: i for i in images}, frames.of_image, {c.id: c for c in categories}, names.of_category

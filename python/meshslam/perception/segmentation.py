@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from meshslam.errors import ModelError
 from meshslam.geometry import Bytes
+from meshslam.perception.adapter import Adapter, adapter_beside, read_adapter
+from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
-from meshslam.perception.instances import Instance, Segmenter, SegmenterConfig, first_line
-from meshslam.perception.mask_rcnn import MaskRcnnSegmenter, recognize_mask_rcnn
+from meshslam.perception.instances import Instance, Segmenter, SegmenterConfig
+from meshslam.perception.mask_rcnn import MaskRcnnSegmenter, has_open_size, recognize_mask_rcnn
 from meshslam.perception.masks import encode_mask
-from meshslam.perception.yolo_segmenter import YoloSegmenter
+from meshslam.perception.network_segmenter import NetworkSegmenter
+from meshslam.perception.network_session import image_session, open_network
 
 
-def load_segmenter(path: Path, config: SegmenterConfig | None = None, threads: int = 2) -> Segmenter:
-    """Load a network for instance segmentation; its layout is told from its outputs' shapes.
+def load_segmenter(
+    path: Path,
+    config: SegmenterConfig | None = None,
+    threads: int = 2,
+    adapter: Path | None = None,
+    renamed: Mapping[str, str] | None = None,
+    tracked: Collection[str] = VEHICLES,
+) -> NetworkSegmenter | MaskRcnnSegmenter:
+    """Load a network for instance segmentation; its kind is told from its outputs and metadata.
 
-    Known are YOLO-seg (v5, v8, 11) and Mask R-CNN (torchvision, ONNX model zoo).
+    Known are YOLO-seg (v5, v8, 9, 11, 12, 26, YOLOE; with suppression inside or without), RF-DETR-seg and Mask R-CNN
+    (torchvision, ONNX model zoo). An `adapter` says how any other is fed and read; `net.adapter.yaml` beside `net.onnx`
+    is one. `renamed` are our names of classes by the network's, in small letters; None: all keep their names. What is
+    assumed is in the result's `notes`.
 
-    Raises ModelError if the file cannot be loaded or its inputs, outputs or class names fit no known layout.
+    Raises ModelError if the file cannot be loaded or its inputs, outputs or class names fit nothing known.
     """
-    import onnxruntime  # slow to import: only those who segment wait for it
-
     path = Path(path)
-    if not path.is_file():
-        raise ModelError(f"{path}: no such file, expected an ONNX export of an instance segmentation network")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    options.log_severity_level = 3
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # spinning threads starve other processes
-    try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime's own exceptions have no common base but this
-        raise ModelError(f"{path}: cannot be loaded as an ONNX model: {first_line(error)}") from None
+    session = open_network(path, threads)
+    said = read_adapter(adapter) if adapter is not None else _beside(path)
     layout = recognize_mask_rcnn(session)
-    if layout is not None:
-        return MaskRcnnSegmenter(path, session, layout, config or SegmenterConfig())
-    return YoloSegmenter(path, session, config or SegmenterConfig())
+    if layout is not None and said is None and has_open_size(session):
+        return MaskRcnnSegmenter(path, session, layout, config or SegmenterConfig(), renamed, tracked)
+    return NetworkSegmenter(image_session(path, session), config or SegmenterConfig(), said, renamed, tracked)
+
+
+def _beside(path: Path) -> Adapter | None:
+    found = adapter_beside(path)
+    return read_adapter(found) if found.is_file() else None
 
 
 def detect(

@@ -21,12 +21,12 @@ _RECORDING = (
     "input.camera_from_body",
     "input.poses_time_offset_s",
 )
-_PERCEPTION = ("input.segmenter", "segmentation", "colour", "keypoints")
-_SEEN = (*_RECORDING, "input.detections", "input.category_names", *_PERCEPTION)
+_PERCEPTION = ("input.segmenter", "input.adapter", "input.category_names", "segmentation", "colour", "keypoints")
+_SEEN = (*_RECORDING, "input.detections", *_PERCEPTION)
 _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
-    "detect": (*_RECORDING, *_PERCEPTION),
+    "detect": (*_RECORDING, *_PERCEPTION, "tracking.categories"),
     "map": (*_SEEN, *_OBJECTS, "rotations"),
     "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
     "slam": (*_SEEN, *_OBJECTS, "estimation", "slam"),

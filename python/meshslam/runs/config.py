@@ -30,8 +30,11 @@ class InputConfig(Settings):
     from_s: float | None = public(None, low=0, doc="begin so many seconds after the first frame")
     to_s: float | None = public(None, low=0, doc="end so many seconds after the first frame")
     segmenter: str | None = public(None, doc="ONNX file, a name in the store of models, or colour")
+    adapter: str | None = public(None, doc="YAML file that says how the segmenter's network is fed and read")
     detections: str | None = public(None, doc="detections (COCO JSON) instead of the recording's own")
-    category_names: tuple[str, ...] = public((), doc="classes of the detections that are others of ours: vehicle=car")
+    category_names: tuple[str, ...] = public(
+        (), doc="classes of detections or network that are others of ours: vehicle=car"
+    )
     category: str = public("car", doc="category to map: a shipped one, or a file (.npz)")
     map: str | None = public(None, doc="a run, its map.json, or an objects.json")
     allow_outside: bool = public(False, doc="read meshes of the map that are outside its folder")

@@ -29,7 +29,7 @@ class FrameStore:
         made_by = digest_of(
             [
                 network_digests(recording, config),
-                (config.segmentation, config.keypoints),
+                (config.segmentation, config.keypoints, config.input.category_names, config.tracking.categories),
                 (recording.camera, recording.distortion),
                 version("meshslam"),
             ]

@@ -9,7 +9,7 @@ from meshslam.categories import load_category
 from meshslam.errors import ModelError
 from meshslam.files import digest_of, digest_of_file
 from meshslam.maps import Map
-from meshslam.perception import find_model
+from meshslam.perception import adapter_beside, find_model
 from meshslam.runs.commands import uses
 from meshslam.runs.config import Config
 from meshslam.sequences import Sequence
@@ -57,5 +57,7 @@ def network_digests(recording: Sequence, settings: Config) -> dict[str, str]:
         found["key point network"] = Path(model)
     if settings.input.segmenter is not None or recording.detections_path is None:
         with contextlib.suppress(ModelError):
-            found["segmentation network"] = find_model(settings.input.segmenter)
+            network, adapter = find_model(settings.input.segmenter), settings.input.adapter
+            found["segmentation network"] = network
+            found["adapter"] = adapter_beside(network) if adapter is None else Path(adapter)
     return {name: digest_of_file(path) for name, path in found.items() if path.is_file()}

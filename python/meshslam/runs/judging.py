@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import DetectionError
 from meshslam.maps import Map
-from meshslam.perception import DetectionSet, read_recorded_detections
+from meshslam.perception import DetectionSet, read_recorded_detections, renamings
 from meshslam.plausibility import (
     FRAME_STEP_S,
     Finding,
@@ -42,21 +43,25 @@ def check_recording(chosen: InputConfig) -> list[Finding]:
     """
     recording, problems = inspect_sequence(Path(chosen.sequence), recording_options(chosen))
     given = None if chosen.detections is None else Path(chosen.detections)
-    problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording)]
+    problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording, chosen.category_names)]
     found = [Finding("input", str(p), "error" if p.severity == "problem" else "note") for p in problems]
     if recording is None:
         return found
     known = {finding.message for finding in found}
     recording = recording.with_poses_only()
     found += [f for f in judge_recording(recording, poses=True, imu=True)[1] if f.message not in known]
-    return found if errors(found) or recording.detections_path is None else found + _judge_given_tracks(recording)
+    return (
+        found
+        if errors(found) or recording.detections_path is None
+        else found + _judge_given_tracks(recording, renamings(chosen.category_names))
+    )
 
 
-def _judge_given_tracks(recording: Sequence) -> list[Finding]:
+def _judge_given_tracks(recording: Sequence, renamed: Mapping[str, str]) -> list[Finding]:
     """Of a detection file that says which detections are one object."""
     try:
         file = recording.detections_path
-        given = None if file is None else read_recorded_detections(file, recording)
+        given = None if file is None else read_recorded_detections(file, recording, renamed)
     except DetectionError:  # what is wrong with its form is said already
         return []
     return [] if given is None else judge_tracks(recording, given) + judge_sight(recording, given)

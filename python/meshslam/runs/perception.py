@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from meshslam.errors import ModelError, SequenceError
 from meshslam.geometry import Bytes
@@ -54,12 +55,15 @@ def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirect
         found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
     else:
         found = look_at_frames(recording, config, outlet, FrameStore.of(run, recording, config))
+    unused = untracked(found, config.tracking.categories)
+    if unused is not None:
+        outlet.note(unused)
     return _perceived(found, config)
 
 
 def look_at_frames(recording: Sequence, config: Config, outlet: Outlet, store: FrameStore) -> DetectionSet:
     """Segment every frame and find its key points, those that the store has not; what is done is kept there."""
-    segmenter, finder = choose_segmenter(recording, config), _finder(recording, config)
+    segmenter, finder = choose_segmenter(recording, config, outlet), _finder(recording, config)
     found: list[DetectionSet] = []
     for i, frame in enumerate(recording.frame_ids):
         seen = store.load(frame)
@@ -75,14 +79,15 @@ def look_at_frames(recording: Sequence, config: Config, outlet: Outlet, store: F
 
 def segment_frames(recording: Sequence, config: Config, outlet: Outlet) -> DetectionSet:
     """Segment every frame with the network of the configuration, or by the colours of a simulated world."""
-    segmenter = choose_segmenter(recording, config)
+    segmenter = choose_segmenter(recording, config, outlet)
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
     frames = ((frame, recording.read_image(i)) for frame, i in index.items())
     return detect(frames, segmenter, progress=lambda frame: outlet.progress("segment", index[frame] + 1, len(index)))
 
 
-def choose_segmenter(recording: Sequence, config: Config) -> Segmenter:
-    """The network of the configuration, or the reader of coded colours."""
+def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet) -> Segmenter:
+    """The network of the configuration, or the reader of coded colours; what is assumed of a network is said."""
+    renamed, adapter = renamings(config.input.category_names), config.input.adapter
     if by_colour(config):
         return ColourSegmenter(config.colour)
     try:
@@ -94,7 +99,13 @@ def choose_segmenter(recording: Sequence, config: Config) -> Segmenter:
             f"{recording.root}: nothing tells where the objects are: there is no detections.json "
             f"(--detections FILE names another), and {error}"
         ) from None
-    return load_segmenter(model, config.segmentation)
+    said = None if adapter is None else Path(adapter)
+    found = load_segmenter(
+        model, config.segmentation, adapter=said, renamed=renamed, tracked=config.tracking.categories
+    )
+    for note in found.notes:
+        outlet.note(note)
+    return found
 
 
 def by_colour(config: Config) -> bool:

@@ -162,7 +162,6 @@ def numbers_of(path: Path, key: str, value: object) -> Floats:
     """Turn a YAML value (number, nested lists or an OpenCV matrix) into finite numbers."""
     array: Floats
     try:
-        array: Floats
         if isinstance(value, dict) and {"rows", "cols", "data"} <= value.keys():
             array = np.asarray(value["data"], float).reshape(int(value["rows"]), int(value["cols"]))
         elif isinstance(value, dict) and {"sizes", "data"} <= value.keys():  # OpenCV 5 of an array (n,)
