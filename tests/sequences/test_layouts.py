@@ -1,5 +1,8 @@
 """Other data sets' folders: each gives the frames, times, camera and poses that were written into it."""
 
+import json
+import struct
+
 import cv2
 import numpy as np
 import pytest
@@ -113,7 +116,7 @@ MADE = {"euroc": euroc, "tum-rgbd": tum_rgbd, "frames": frames, "kitti-360": kit
 @pytest.fixture
 def made(tmp_path, rng):
     def make(name):
-        folder = tmp_path / "data" / "raw" / "2013_05_28_drive_0000_sync"
+        folder = tmp_path / "data" / "raw" / ("2013_05_28_drive_0000_sync" if name == "kitti-360" else "drive")
         folder.parent.mkdir(parents=True, exist_ok=True)
         images, options = MADE[name](folder, rng)
         return folder, images, options
@@ -304,3 +307,124 @@ def test_frames_without_times_have_a_rate_that_is_said(made):
     assert any("10 frames a second" in note for note in open_sequence(folder, **options).notes)
     del options["poses"]
     assert open_sequence(folder, **options, rate_hz=20.0).times_s[1] == pytest.approx(0.05)
+
+
+def colmap_rows():
+    """camera_from_world of the path in a first camera's world: quaternion with w first, translation."""
+    back = Pose(levelled_path()[0].rotation, np.zeros(3)).inverse()
+    poses = [(back @ pose).inverse() for pose in POSES]
+    return [[*p.to_quaternion(order="wxyz"), *p.translation] for p in poses]
+
+
+def colmap(folder, rng, binary):
+    names = [f"{i:06d}.png" for i in range(FRAMES)]
+    images = write_images(rng, folder / "images", names)
+    model = folder / "sparse" / "0"
+    model.mkdir(parents=True)
+    parameters = [CAMERA.fx, CAMERA.fy, CAMERA.cx + 0.5, CAMERA.cy + 0.5]
+    if binary:
+        (model / "cameras.bin").write_bytes(struct.pack("<QiiQQ4d", 1, 1, 1, 64, 48, *parameters))
+        rows = [
+            struct.pack("<i7di", i + 1, *row, 1) + name.encode() + b"\0" + struct.pack("<Q2dq", 1, 3.0, 4.0, -1)
+            for i, (row, name) in enumerate(zip(colmap_rows(), names, strict=True))
+        ]
+        (model / "images.bin").write_bytes(struct.pack("<Q", len(rows)) + b"".join(rows))
+    else:
+        (model / "cameras.txt").write_text("1 PINHOLE 64 48 " + " ".join(map(str, parameters)))
+        rows = zip(colmap_rows(), names, strict=True)
+        lines = [" ".join(map(str, [i + 1, *row, 1, name])) + "\n" for i, (row, name) in enumerate(rows)]
+        (model / "images.txt").write_text("# two lines an image\n" + "\n".join(lines) + "\n")
+    return images
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_colmap_projects(tmp_path, rng, binary):
+    folder = tmp_path / "project"
+    images = colmap(folder, rng, binary)
+    found = open_sequence(folder)
+    assert found.layout == "colmap"
+    assert (found.camera.cx, found.camera.cy) == (CAMERA.cx, CAMERA.cy)
+    assert (found.read_image(3) == images[3]).all()
+    for one, other in zip(found.world_from_camera, POSES, strict=True):
+        assert np.allclose(one.matrix, other.matrix, atol=1e-6)
+    (folder / "images" / "000002.png").unlink()
+    assert open_sequence(folder).frame_ids == (0, 1, 3, 4)
+    file = next((folder / "sparse" / "0").glob("images.*"))
+    file.write_bytes(file.read_bytes()[:-70])
+    if binary:
+        with pytest.raises(SequenceError, match=r"images\.bin: is no images\.bin of COLMAP, or is cut"):
+            open_sequence(folder)
+
+
+def nuscenes(folder, rng):
+    images = write_images(rng, folder / "samples" / "CAM_FRONT", [f"{i}.png" for i in range(FRAMES)])
+    tables = {
+        "scene": [{"token": f"s{k}", "name": f"scene-000{k}"} for k in (1, 2)],
+        "sample": [{"token": "a", "scene_token": "s1"}, {"token": "b", "scene_token": "s2"}],
+        "sensor": [{"token": "front", "channel": "CAM_FRONT"}, {"token": "top", "channel": "LIDAR_TOP"}],
+        "calibrated_sensor": [
+            {
+                "token": "c1",
+                "sensor_token": "front",
+                "translation": MOUNTED.translation.tolist(),
+                "rotation": MOUNTED.to_quaternion(order="wxyz").tolist(),
+                "camera_intrinsic": CAMERA.matrix.tolist(),
+            },
+            {"token": "c2", "sensor_token": "top", "camera_intrinsic": []},
+        ],
+        "ego_pose": [
+            {
+                "token": f"e{i}",
+                "translation": (pose @ MOUNTED.inverse()).translation.tolist(),
+                "rotation": (pose @ MOUNTED.inverse()).to_quaternion(order="wxyz").tolist(),
+            }
+            for i, pose in enumerate(POSES)
+        ],
+    }
+    frame = {"sample_token": "a", "calibrated_sensor_token": "c1", "width": 64, "height": 48}
+    rows = [
+        frame
+        | {
+            "token": f"d{i}",
+            "ego_pose_token": f"e{i}",
+            "timestamp": round(1e6 * t),
+            "filename": f"samples/CAM_FRONT/{i}.png",
+        }
+        for i, t in enumerate(TIMES_S)
+    ]
+    tables["sample_data"] = [
+        *rows[::-1],
+        rows[0] | {"token": "x", "calibrated_sensor_token": "c2", "filename": "l.bin"},
+    ]
+    (folder / "v1.0-mini").mkdir()
+    for name, table in tables.items():
+        (folder / "v1.0-mini" / f"{name}.json").write_text(json.dumps(table))
+    (folder / "can_bus").mkdir()
+    samples = [
+        {"utime": round(1e6 * (100 + 0.01 * k)), "rotation_rate": [0.0, 0.0, 0.1], "linear_accel": [0.0, 0.0, 9.8]}
+        for k in range(41)
+    ]
+    (folder / "can_bus" / "scene-0001_ms_imu.json").write_text(json.dumps(samples))
+    return images
+
+
+def test_nuscenes(tmp_path, rng):
+    folder = tmp_path / "nuscenes"
+    images = nuscenes(folder, rng)
+    with pytest.raises(SequenceError, match=r"holds 2 scenes: choose one by --scene NAME: scene-0001, scene-0002"):
+        open_sequence(folder)
+    with pytest.raises(SequenceError, match="has no scene 'x'"):
+        open_sequence(folder, scene="x")
+    with pytest.raises(SequenceError, match="none of the 0 images of CAM_FRONT is there"):
+        open_sequence(folder, scene="scene-0002")
+    found = open_sequence(folder, scene="scene-0001")
+    assert found.camera == CAMERA
+    assert (found.read_image(4) == images[4]).all()
+    assert np.allclose(found.times_s, TIMES_S)
+    for one, other in zip(found.world_from_camera, POSES, strict=True):
+        assert np.allclose(one.matrix, other.matrix, atol=1e-6)
+    assert np.allclose(found.imu_from_camera.matrix, MOUNTED.matrix, atol=1e-9)
+    assert found.imu.rate_hz == pytest.approx(100)
+    (folder / "v1.0-mini" / "ego_pose.json").write_text("[]")
+    with pytest.raises(SequenceError, match="the tables are damaged: KeyError"):
+        open_sequence(folder, scene="scene-0001")

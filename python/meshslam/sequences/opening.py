@@ -26,6 +26,7 @@ class RecordingOptions:
     camera_file: Path | None = None
     size: tuple[int, int] | None = None
     rate_hz: float | None = None
+    scene: str | None = None
     detections_path: Path | None = None
     imu: Path | None = None
     imu_from_camera: Path | None = None
@@ -66,11 +67,18 @@ def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOpt
         camera_file=given.camera_file,
         size=given.size,
         rate_hz=given.rate_hz,
+        scene=given.scene,
         topics=given.topics,
     )
 
 
-_FLAGS = {"camera_file": "--camera FILE", "size": "--size", "rate_hz": "--rate", "topics": "--topic"}
+_FLAGS = {
+    "camera_file": "--camera FILE",
+    "size": "--size",
+    "rate_hz": "--rate",
+    "scene": "--scene",
+    "topics": "--topic",
+}
 
 
 def _check_accepted(loader: Loader, path: Path, given: RecordingOptions) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.geometry import Floats, Pose
+from meshslam.sequences.colmap_images import is_colmap_images, read_colmap_images
 from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.pose_matching import poses_at
@@ -27,20 +28,18 @@ def with_poses(sequence: Sequence, path: Path, options: LoadOptions, time_offset
     """The recording with the poses of a file, in place of its own.
 
     Read are TUM's eight numbers (ORB-SLAM3 and evo write them too; nanoseconds are told by their size), EuRoC's and
-    VINS' comma-separated lines with w first, KITTI's twelve numbers a line and frame, and COLMAP's images.txt, whose
-    names are the images'. `options` say the convention; the clock of the poses is `time_offset_s` ahead of the frames'.
+    VINS' comma-separated lines with w first, KITTI's twelve numbers a line and frame, and COLMAP's images.txt or
+    images.bin, whose names are the images'. `options` say the convention; the clock of the poses is `time_offset_s`
+    ahead of the frames'.
     """
-    lines = [
-        line.strip() for line in read_text(path).splitlines() if line.strip() and not line.lstrip().startswith("#")
-    ]
+    if is_colmap_images(path):
+        return _placed(sequence, _colmap(sequence, path, report), False)
+    lines = [text for line in read_text(path).splitlines() if (text := line.strip()) and text[0] != "#"]
     if not lines:
         raise fail(path, "", "holds no poses")
     words = re.split(r"[,\s]+", lines[0].strip(", "))
     if len(words) == 12 and "," not in lines[0]:
         return _placed(sequence, _kitti(sequence, path, report), False)
-    if len(words) == 10 and not _is_number(words[-1]):
-        found = _colmap(sequence, path, lines[::2] if len(lines) > 1 and not _is_image(lines[1]) else lines, report)
-        return _placed(sequence, {i: WORLD_FROM_FIRST_CAMERA @ pose for i, pose in found.items()}, False)
     if "," in lines[0]:
         times_s, poses = read_euroc(path, report)
     elif len(words) == 8:
@@ -110,32 +109,17 @@ def _are_nanoseconds(times: Floats) -> bool:
     return step >= _NANOSECONDS
 
 
-def _is_image(line: str) -> bool:
-    words = line.split()
-    return len(words) == 10 and not _is_number(words[-1])
-
-
-def _colmap(sequence: Sequence, path: Path, lines: list[str], report: Report) -> dict[int, Pose]:
-    """`id qw qx qy qz tx ty tz camera name`, camera_from_world; each is followed by a line of points."""
+def _colmap(sequence: Sequence, path: Path, report: Report) -> dict[int, Pose]:
     if sequence.images is None:
         raise fail(path, "", "COLMAP's poses go by the images' names, but the recording has no images")
-    index_of = {name: i for i, name in enumerate(sequence.images.names)}
-    found: dict[int, Pose] = {}
-    for line in lines:
-        words = line.split()
-        index = index_of.get(Path(words[9]).name) if len(words) == 10 else None
-        if index is None:
-            continue
-        numbers = parse_table(path, [(1, words[:8])], 8, report).rows
-        if len(numbers):
-            _, poses = poses_of_rows(path, numbers[:, [0, 5, 6, 7, 2, 3, 4, 1]], (1,), report)
-            found[index] = poses[0].inverse()
+    placed = read_colmap_images(path)
+    names = sequence.images.names
+    found = {i: WORLD_FROM_FIRST_CAMERA @ placed[n][0].inverse() for i, n in enumerate(names) if n in placed}
     if not found:
-        raise fail(path, "", f"no image of it is one of the recording's, such as {sequence.images.names[0]}")
+        raise fail(path, "", f"no image of it is one of the recording's, such as {names[0]}")
     if len(found) < len(sequence):
-        report.note(
-            path, "", f"{len(sequence) - len(found)} of {len(sequence)} frames have no pose: map leaves them out"
-        )
+        missing = len(sequence) - len(found)
+        report.note(path, "", f"{missing} of {len(sequence)} frames have no pose: map leaves them out")
     return found
 
 

@@ -12,10 +12,12 @@ from meshslam.sequences.conventions import Convention
 from meshslam.sequences.folder import SequenceFolder
 from meshslam.sequences.kitti_odometry import KittiOdometry
 from meshslam.sequences.kitti_raw import KittiRaw
+from meshslam.sequences.layouts.colmap import Colmap
 from meshslam.sequences.layouts.euroc import Euroc
 from meshslam.sequences.layouts.frames import Frames
 from meshslam.sequences.layouts.kitti_360 import Kitti360
 from meshslam.sequences.layouts.kitti_tracking import KittiTracking
+from meshslam.sequences.layouts.nuscenes import NuScenes
 from meshslam.sequences.layouts.tum_rgbd import TumRgbd
 from meshslam.sequences.loader import Loader
 from meshslam.sequences.opening import RecordingOptions, opened
@@ -23,13 +25,15 @@ from meshslam.sequences.report import Report
 from meshslam.sequences.selection import read_selection
 from meshslam.sequences.sequence import Sequence
 
-LOADERS: tuple[Loader, ...] = (  # asked in this order
+LOADERS: tuple[Loader, ...] = (  # asked in this order: those that are told by more than names first
     KittiTracking(),
     Kitti360(),
-    KittiRaw(),
-    KittiOdometry(),
     Euroc(),
     TumRgbd(),
+    NuScenes(),
+    Colmap(),
+    KittiRaw(),
+    KittiOdometry(),
     SequenceFolder(),
     Frames(),
 )
@@ -44,6 +48,7 @@ def open_sequence(
     camera: Path | str | None = None,
     size: tuple[int, int] | None = None,
     rate_hz: float | None = None,
+    scene: str | None = None,
     imu: Path | str | None = None,
     imu_from_camera: Path | str | None = None,
     imu_time_offset_s: float = 0.0,
@@ -67,11 +72,11 @@ def open_sequence(
     EuRoC, VINS, KITTI, COLMAP's images.txt) in place of the layout's own. `poses_convention` says what it, or
     poses.tum, holds, where that is not world_from_camera with z up: quaternion-first, camera-from-world,
     first-camera-world or body; with the file `camera_from_body` it holds world_from_body. The clocks of IMU and
-    poses are `…_time_offset_s` ahead of the frames'. `topics` name a bag's topics, such as {"image":
-    "/camera/image_raw"}. `frames`, `from_s` and `to_s` choose a part: FIRST:END:STRIDE by frame numbers, and
-    seconds after the first frame. Without `use_imu` a sequence folder's IMU is not read. SequenceError with the
-    first thing that is missing, unreadable or contradictory; what could be handled stands in `notes`. Truth files
-    are not opened.
+    poses are `…_time_offset_s` ahead of the frames'. `scene` is one of a data set of several (nuScenes). `topics`
+    name a bag's topics, such as {"image": "/camera/image_raw"}. `frames`, `from_s` and `to_s` choose a part:
+    FIRST:END:STRIDE by frame numbers, and seconds after the first frame. Without `use_imu` a sequence folder's IMU
+    is not read. SequenceError with the first thing that is missing, unreadable or contradictory; what could be
+    handled stands in `notes`. Truth files are not opened.
 
     Example:
         drive = meshslam.open_sequence("06", imu="imu/06.csv", imu_from_camera="camera_from_imu.json")
@@ -86,6 +91,7 @@ def open_sequence(
         camera_file=_path(camera),
         size=size,
         rate_hz=rate_hz,
+        scene=scene,
         detections_path=_path(detections_path),
         imu=_path(imu),
         imu_from_camera=_path(imu_from_camera),

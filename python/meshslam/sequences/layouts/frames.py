@@ -57,7 +57,7 @@ class Frames:
         found = read_camera(given, options.camera_number, options.size or (width, height), report)
         has_numbers = are_numbered(files) and not _are_stamps(files)
         frame_ids = frame_numbers(files) if has_numbers else tuple(range(len(files)))
-        times_s = _times(path, files, frame_ids, options.rate_hz, report)
+        times_s = frame_times(path, files, frame_ids, options.rate_hz, report)
         note_turn(files, report)
         return Sequence(
             name=path.name,
@@ -78,7 +78,10 @@ def _are_stamps(files: list[Path]) -> bool:
     return are_numbered(files) and len(files[0].stem) > _STAMP_DIGITS
 
 
-def _times(path: Path, files: list[Path], frame_ids: tuple[int, ...], rate_hz: float | None, report: Report) -> Floats:
+def frame_times(
+    path: Path, files: list[Path], frame_ids: tuple[int, ...], rate_hz: float | None, report: Report
+) -> Floats:
+    """From times.txt, from names that are stamps, else by the rate, which is said where none was given."""
     for listed in (path / "times.txt", path.parent / "times.txt"):
         if rate_hz is None and listed.is_file():
             times_s = read_times(listed, report)
