@@ -68,3 +68,14 @@ def test_the_place_where_the_command_runs_is_refused_at_once(tmp_path, monkeypat
     for place in (".", "..", "/", tmp_path):
         assert "the command runs in there" in error_of(meshslam("simulate", place))
     assert not list(tmp_path.iterdir())
+
+
+def test_detections_made_of_a_fisheyes_images_say_that_they_are_undistorted(tmp_path):
+    street = SMALL | {"lens": "equidistant", "field_deg": 150.0, "cars_each_side": 1, "moving_cars": 0}
+    (tmp_path / "fisheye.yaml").write_text(yaml.safe_dump({"street": street}))
+    flags = ("--config", tmp_path / "fisheye.yaml", "--frames", 1, "--mode", "contrast")
+    done("simulate", tmp_path / "street", *flags)
+    assert open_sequence(tmp_path / "street").distortion.model == "equidistant"
+    done("detect", tmp_path / "street", "--segmenter", "colour", "--out", tmp_path / "seen.json")
+    assert '"info": {"undistorted": true}' in (tmp_path / "seen.json").read_text()
+    assert "undistorted" not in (tmp_path / "street" / "detections.json").read_text()

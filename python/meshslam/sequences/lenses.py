@@ -57,14 +57,15 @@ def straighten(lens: Lens, coefficients: Floats, bent: Floats) -> Floats:
     with np.errstate(all="ignore"):
         grown = np.where(radii > 0, np.tan(np.where(angles < np.pi / 2, angles, np.nan)) / radii, 1.0)
         found: Floats = bent * grown[..., None]
-        for _ in range(0 if lens.slope is None else 20):
-            found = found + _newton_step(lens, coefficients, found, bent)
+        if lens.slope is not None:
+            for _ in range(20):
+                error = bent - lens.bend(found, coefficients)
+                found = found + _newton_step(lens.slope(found, coefficients), error)
     return found
 
 
-def _newton_step(lens: Lens, coefficients: Floats, found: Floats, bent: Floats) -> Floats:
-    assert lens.slope is not None
-    slope, error = lens.slope(found, coefficients), bent - lens.bend(found, coefficients)
+def _newton_step(slope: Floats, error: Floats) -> Floats:
+    """Solve systems (..., 2, 2) for steps (..., 2); not finite where one is singular."""
     a, b, c, d = slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0], slope[..., 1, 1]
     step = np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], axis=-1)
     return step / (a * d - b * c)[..., None]

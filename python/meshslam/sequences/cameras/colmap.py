@@ -80,14 +80,13 @@ def from_binary(data: bytes) -> dict[int, ColmapCamera]:
 
 def to_found(path: Path, camera: ColmapCamera, report: Report) -> FoundCamera:
     """The camera in our pixels; FoundError for an unknown model, or another count of parameters."""
-    if camera.model not in _MODELS or _MODELS[camera.model][2] is None:
-        known = ", ".join(name for name, (_, _, lens) in _MODELS.items() if lens is not None)
+    _, count, lens = _MODELS.get(camera.model, (0, 0, None))
+    if lens is None:
+        known = ", ".join(name for name, (_, _, read) in _MODELS.items() if read is not None)
         raise fail(path, camera.where, f"the model {camera.model[:40]} is not read, only {known}")
-    _, count, lens = _MODELS[camera.model]
     values = _numbers(path, camera, count)
     focal = 1 if camera.model in _ONE_FOCAL else 2
     (cx, cy), rest = values[focal : focal + 2] - 0.5, values[focal + 2 :]
-    assert lens is not None
     model, coefficients = lens(rest)
     return FoundCamera(
         size_of(path, camera.where, list(camera.size)),
