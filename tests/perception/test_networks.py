@@ -1,11 +1,15 @@
 """Networks of many makers: small files with the names, shapes and metadata of real exports."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from onnx import TensorProto
 
 from meshslam.errors import ModelError
 from meshslam.perception import SegmenterConfig, load_segmenter
+from meshslam.perception.adapter import read_adapter
 from meshslam.perception.letterbox import Letterbox
 from meshslam.perception.network_range import expects_bytes
 from meshslam.perception.preprocessing import RF_DETR, Preprocessing
@@ -354,6 +358,16 @@ def test_an_adapter_of_classes_and_input_alone_changes_what_is_told(tmp_path):
     (tmp_path / "net.adapter.yaml").write_text("classes: [van]\n")
     with pytest.raises(ModelError, match="found 1 names, the network has 2 classes"):
         load_segmenter(path)
+
+
+def test_the_adapter_of_the_documentation_is_one(tmp_path):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "networks.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "net.adapter.yaml").write_text(block)
+    found = read_adapter(tmp_path / "net.adapter.yaml")
+    assert found.classes == {0: "person", 1: "car"}
+    assert (found.table.box_format, found.table.score_kind, found.table.background) == ("cxcywh", "softmax", "last")
+    assert found.preprocessing(Preprocessing()).std == (0.229, 0.224, 0.225)
 
 
 WRONG = {
