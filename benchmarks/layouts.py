@@ -125,7 +125,7 @@ def kitti_tracking(drive: Sequence, out: Path) -> Written:
 
 
 def kitti_360(drive: Sequence, out: Path) -> Written:
-    """data_2d_raw, data_poses with gaps, calibration; the rectified camera is the drive's."""
+    """data_2d_raw, data_poses, calibration; the rectified camera is the drive's."""
     name = "2013_05_28_drive_0048_sync"
     home = out / "data_2d_raw" / name
     for i, path in enumerate(drive.image_paths):
@@ -141,7 +141,7 @@ def kitti_360(drive: Sequence, out: Path) -> Written:
     mounted = drive.imu_from_camera
     (out / "calibration/calib_cam_to_pose.txt").write_text(f"image_00: {row(mounted.matrix[:3])}\n")
     poses = [pose @ mounted.inverse() for pose in drive.world_from_camera]
-    lines = [f"{i} {row(p.matrix[:3])}" for i, p in enumerate(poses) if i % 5 != 3]
+    lines = [f"{i} {row(p.matrix[:3])}" for i, p in enumerate(poses)]
     (out / "data_poses" / name).mkdir(parents=True)
     (out / "data_poses" / name / "poses.txt").write_text("\n".join(lines) + "\n")
     return home, []

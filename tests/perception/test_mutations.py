@@ -14,6 +14,7 @@ from meshslam.perception import (
     ImageFrames,
     check_detections,
     encode_mask,
+    from_coco,
     from_coco_results,
     from_mots_txt,
     from_yolo_txt,
@@ -21,7 +22,10 @@ from meshslam.perception import (
     read_recorded_detections,
     write_detections,
 )
+from meshslam.perception.adapter import read_adapter
+from meshslam.perception.network_range import expects_bytes
 from meshslam.sequences import Report, Sequence
+from tests.perception.networks import colour_network
 
 WIDTH, HEIGHT = 32, 24
 LONGEST = 300  # characters of a message behind the file's path
@@ -191,6 +195,73 @@ def test_damaged_results(tmp_path):
         hold(lambda: from_coco_results(path, FRAMES), path)
 
 
+def tool_document():
+    """With what labelling tools add: videos, tracks, attributes, boxes without masks, masks by file."""
+    tree = document()
+    for image in tree["images"]:
+        image |= {"video_id": 1, "frame_index": image["id"], "extra": {"name": image["file_name"]}}
+    tree |= {
+        "videos": [
+            {"id": 1, "name": "a", "file_names": ["a/000000.png", "a/000001.png"], "width": WIDTH, "height": HEIGHT}
+        ]
+    }
+    tree["tracks"] = [{"id": 1, "category_id": 1, "video_id": 1}]
+    for row in tree["annotations"]:
+        row |= {"attributes": {"track_id": row.pop("track_id"), "score": 0.5}, "video_id": 1}
+    tree["annotations"][2] |= {"segmentation": [], "id": 1}
+    return tree
+
+
+def test_damaged_documents_of_tools(tmp_path):
+    random_, path, recording = random.Random(SEED + 4), tmp_path / "labels.json", sequence(tmp_path)
+    listed = tool_document()
+    listed["annotations"] = [
+        {"id": 1, "video_id": 1, "category_id": 1, "segmentations": [None, [[4, 5, 20, 5, 20, 15]]]}
+    ]
+    read = 0
+    for number in range(MUTATIONS):
+        path.write_text(as_json(mutated(listed if number % 3 == 0 else tool_document(), random_)))
+        video = "a" if number % 2 else None
+        read += hold(lambda video=video: from_coco(path, recording, FRAMES, video=video), path)
+    assert read > 0.2 * MUTATIONS
+
+
+ADAPTER = {
+    "input": {"size": [64, 64], "scale": "0-1", "mean": [0, 0, 0], "std": [1, 1, 1], "channels": "bgr", "fill": 3},
+    "outputs": {
+        "boxes": {"output": "a", "columns": [0, 4], "transposed": True, "format": "xywh", "normalised": True},
+        "scores": {"output": "b", "kind": "logits", "background": "last"},
+        "labels": {"output": "c", "first": 1},
+        "masks": {"output": "d", "kind": "prototypes", "values": "logits"},
+        "coefficients": {"output": "e"},
+    },
+    "classes": ["car", "bus"],
+}
+
+
+@pytest.mark.parametrize("kind", ["values", "bytes"])
+def test_damaged_adapters(tmp_path, kind):
+    random_, path = random.Random(SEED + 5), tmp_path / "net.adapter.yaml"
+
+    def read():
+        read_adapter(path)
+
+    for _ in range(MUTATIONS):
+        if kind == "values":
+            path.write_text(as_json(mutated(ADAPTER, random_)))
+        else:
+            path.write_bytes(damaged(json.dumps(ADAPTER).encode(), random_))
+        hold(read, path)
+
+
+def test_damaged_networks(tmp_path):
+    random_, path = random.Random(SEED + 6), tmp_path / "net.onnx"
+    content = colour_network(path).read_bytes()
+    for _ in range(MUTATIONS // 4):
+        path.write_bytes(damaged(content, random_))
+        assert expects_bytes(path, "images") in (True, False)
+
+
 YOLO = "2 0.1 0.2 0.5 0.2 0.5 0.6 0.74 1\n2 0.2 0.3 0.6 0.3 0.6 0.8 0.3 0.8 0.5 2\n0 0.2 0.3 0.6 0.3 0.6 0.8 0.4"
 MOTS = f"0 1001 1 24 32 {encode_mask(np.eye(24, 32, dtype=np.uint8))['counts']}\n1 -1 1 24 32 0P80"
 
@@ -206,6 +277,9 @@ def test_damaged_text_files(tmp_path, source, kind):
         else:
             path.write_bytes(damaged(text.encode(), random_))
         if source == "yolo":
-            hold(lambda: from_yolo_txt(tmp_path, FRAMES), path)
+            options = random_.choice(
+                ({}, {"shape": "segment"}, {"shape": "boxes"}, {"shape": "pose"}, {"tracked": True})
+            )
+            hold(lambda options=options: from_yolo_txt(tmp_path, FRAMES, **options), path)
         else:
             hold(lambda: from_mots_txt(path, FRAMES), path)

@@ -1,12 +1,18 @@
 """Networks of many makers: small files with the names, shapes and metadata of real exports."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from onnx import TensorProto
 
 from meshslam.errors import ModelError
 from meshslam.perception import SegmenterConfig, load_segmenter
+from meshslam.perception.adapter import read_adapter
+from meshslam.perception.letterbox import Letterbox
 from meshslam.perception.network_range import expects_bytes
+from meshslam.perception.preprocessing import RF_DETR, Preprocessing
 from tests.perception.networks import SIDE, colour_network, listing_network, other_network
 
 RED, BLUE = (0, 0, 255), (255, 0, 0)  # BGR
@@ -283,6 +289,19 @@ def test_images_that_are_stretched_come_back_as_they_were(tmp_path):
     check(load_segmenter(path, PLAIN, adapter=tmp_path / "a.yaml"), 64, 256, slack=2.5)
 
 
+def test_what_becomes_smaller_is_averaged_unless_the_network_was_trained_otherwise():
+    fine = np.zeros((64, 64, 3), np.uint8)
+    fine[:, ::4] = 255
+    whole = (0, 0, 64, 64)
+    averaged, picked = (
+        Letterbox.fit(whole, 16, 16, "stretch").image_to_input(fine, Preprocessing(antialias=a)) for a in (True, False)
+    )
+    assert np.ptp(averaged) < 0.02
+    assert averaged.mean() == pytest.approx(0.25, abs=0.02)
+    assert picked.max() == 0
+    assert not RF_DETR.antialias
+
+
 def test_mean_deviation_and_size_are_the_adapters(tmp_path):
     path = own_network(tmp_path / "net.onnx", ((0, 0, 160, 160),) * 2, size=None, bgr=False, white=1)
     text = ADAPTER.replace("scale: 0-255, channels: bgr", "size: [160, 160], mean: [0, 0, 0], std: [1, 1, 1]")
@@ -341,6 +360,16 @@ def test_an_adapter_of_classes_and_input_alone_changes_what_is_told(tmp_path):
         load_segmenter(path)
 
 
+def test_the_adapter_of_the_documentation_is_one(tmp_path):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "networks.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "net.adapter.yaml").write_text(block)
+    found = read_adapter(tmp_path / "net.adapter.yaml")
+    assert found.classes == {0: "person", 1: "car"}
+    assert (found.table.box_format, found.table.score_kind, found.table.background) == ("cxcywh", "softmax", "last")
+    assert found.preprocessing(Preprocessing()).std == (0.229, 0.224, 0.225)
+
+
 WRONG = {
     "unknown key": ("inputs: {}", 'unknown key "inputs": known are input, outputs, classes'),
     "unknown key inside": (ADAPTER.replace("fill", "fills"), 'unknown key "fills" in input'),
@@ -355,6 +384,10 @@ WRONG = {
     "prototypes without coefficients": (ADAPTER.replace("full", "prototypes"), "outputs.coefficients: expected with"),
     "a mean of one channel": (ADAPTER.replace("fill: 0", "mean: [3]"), "input.mean: found [3], expected three numbers"),
     "a size that is none": (ADAPTER.replace("fill: 0", "size: 640"), "input.size: found 640"),
+    "a flag that is none": (
+        ADAPTER.replace("fill: 0", "antialias: 2"),
+        "input.antialias: found 2, expected true or false",
+    ),
     "a wrong scale": (ADAPTER.replace("0-255", "255"), "input.scale: found 255, expected one of 0-1, 0-255"),
     "no YAML": ("input: [", "not valid YAML"),
     "a list": ("- input", "expected keys with values"),

@@ -91,6 +91,19 @@ def test_rf_detr(image, tmp_path):
     assert segmenter.kind.name == "RF-DETR"
     assert segmenter.names == COCO_CLASSES
     assert segmenter.segment(image)
+    look = segmenter._look(image, (0, 0, image.shape[1], image.shape[0]))
+    theirs = network.predict(image[..., ::-1].copy(), threshold=0.0)
+    own = look.candidates.scores.argmax()  # of a class with a name
+    named = np.isin(theirs.class_id, list(segmenter.kind.names))
+    nearest = np.abs(theirs.xyxy[named] - look.boxes_in_image[own]).max(1).argmin()
+    np.testing.assert_allclose(theirs.xyxy[named][nearest], look.boxes_in_image[own], atol=0.5)
+    assert theirs.confidence[named].max() == pytest.approx(look.candidates.scores[own], abs=1e-3)
+    patch = look.patch(own)
+    mask = np.zeros(image.shape[:2], bool)
+    mask[patch.place] = patch.inside
+    box = np.zeros_like(mask)
+    box[patch.place] = True
+    assert (mask != (theirs.mask[named][nearest] & box)).mean() < 0.01
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -146,7 +146,7 @@ def _input(part: _Part | None) -> dict[str, Any]:
     """The fields of Preprocessing that are said."""
     if part is None:
         return {}
-    part.only("size", "scale", "mean", "std", "channels", "fit", "fill")
+    part.only("size", "scale", "mean", "std", "channels", "fit", "antialias", "fill")
     scale, fill = part.word("scale", tuple(_SCALES)), part.values.get("fill")
     if fill is not None and (type(fill) is not int or not 0 <= fill <= 255):
         raise part.wrong("fill", fill, "a grey value from 0 to 255")
@@ -157,6 +157,7 @@ def _input(part: _Part | None) -> dict[str, Any]:
         "std": part.numbers("std", positive=True),
         "channels": part.word("channels", ("rgb", "bgr")),
         "fit": part.word("fit", get_args(Fit)),
+        "antialias": part.flag("antialias") if "antialias" in part.values else None,
         "fill": fill,
     }
     return {key: value for key, value in said.items() if value is not None}

@@ -48,7 +48,7 @@ class Letterbox:
         columns = min(self.width, max(1, round((x1 - x0) * self.scale[0])))
         rows = min(self.height, max(1, round((y1 - y0) * self.scale[1])))
         if (rows, columns) != part.shape[:2]:
-            method = cv2.INTER_AREA if min(self.scale) < 1 else cv2.INTER_LINEAR
+            method = cv2.INTER_AREA if min(self.scale) < 1 and expected.antialias else cv2.INTER_LINEAR
             part = np.asarray(cv2.resize(part, (columns, rows), interpolation=method), np.uint8)
         canvas = np.full((self.height, self.width, 3), expected.fill, np.uint8)
         canvas[self.pad[1] : self.pad[1] + rows, self.pad[0] : self.pad[0] + columns] = part

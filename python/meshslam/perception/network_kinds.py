@@ -17,7 +17,7 @@ from meshslam.perception.network_classes import names_of_columns, names_of_metad
 from meshslam.perception.network_output import Part, Table, decode_table
 from meshslam.perception.network_range import expects_bytes
 from meshslam.perception.network_session import NetworkSession, shapes_text
-from meshslam.perception.preprocessing import IMAGENET, Preprocessing
+from meshslam.perception.preprocessing import RF_DETR, Preprocessing
 from meshslam.perception.rf_detr import recognize_rf_detr
 
 PROBED_PX = (640, 640)  # where neither shapes nor metadata say: networks choose their best 300, which small inputs lack
@@ -101,8 +101,8 @@ def _rf_detr(session: NetworkSession, table: Table, adapter: Adapter | None) -> 
     own = adapter is not None and adapter.classes is not None
     names = {0: ""} if own else names_of_columns(session.path, columns)
     said = "classes by COCO's numbers" if columns == 91 else f"{columns} classes"
-    note = f"{session.path}: has no metadata: read as RF-DETR by its outputs: {said}, {IMAGENET.text()}"
-    return NetworkKind(table.name, table, names, IMAGENET, (note,))
+    note = f"{session.path}: has no metadata: read as RF-DETR by its outputs: {said}, {RF_DETR.text()}"
+    return NetworkKind(table.name, table, names, RF_DETR, (note,))
 
 
 def _pasted(session: NetworkSession) -> NetworkKind | None:

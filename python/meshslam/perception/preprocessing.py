@@ -22,6 +22,7 @@ class Preprocessing:
     std: tuple[float, ...] = (1.0, 1.0, 1.0)
     channels: Literal["rgb", "bgr"] = "rgb"
     fit: Fit = "letterbox"
+    antialias: bool = True  # average what becomes smaller, as if seen from farther away
     fill: int = 114  # beside a letterboxed image, 0 to 255
     size: tuple[int, int] | None = None  # height, width: px, of networks that leave it open
 
@@ -44,4 +45,4 @@ class Preprocessing:
 
 
 _FITS = {"letterbox": "letterboxed", "stretch": "stretched to the input"}
-IMAGENET = Preprocessing(mean=IMAGENET_MEAN, std=IMAGENET_STD, fit="stretch")
+RF_DETR = Preprocessing(mean=IMAGENET_MEAN, std=IMAGENET_STD, fit="stretch", antialias=False)  # trained so

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,8 +56,8 @@ class _Dialect:
             return root
         images, categories, annotations = (found or [] for found in rows.values())
         if self.names is not None:
-            categories = [c | {"name": self.names.get(c.get("id", -1), c.get("name"))} for c in categories]
-        used = {a.get("category_id") for a in annotations}
+            categories = [c | self._name_of(c) for c in categories]
+        used = {a["category_id"] for a in annotations if type(a.get("category_id")) is int}
         found = {
             "images": _named(images, self.frames, faults),
             "categories": _without_doubles(categories, used),
@@ -65,16 +65,25 @@ class _Dialect:
         }
         return root | found
 
+    def _name_of(self, category: Row) -> Row:
+        """The name that is given for a category's id, if one is."""
+        number, names = category.get("id"), self.names or {}
+        return {"name": names[number]} if type(number) is int and number in names else {}
+
 
 def _objects(rows: object) -> list[Row] | None:
     """A list of objects; None for anything else, which the reader names."""
     return rows if isinstance(rows, list) and all(isinstance(row, dict) for row in rows) else None
 
 
-def _without_doubles(categories: list[Row], used: set[object]) -> list[Row]:
+def _without_doubles(categories: list[Row], used: Collection[int]) -> list[Row]:
     """Categories less those that nothing uses and that have another's name, such as Roboflow's first."""
     counts = Counter(str(c.get("name")).lower() for c in categories)
-    return [c for c in categories if c.get("id") in used or counts[str(c.get("name")).lower()] == 1]
+    return [
+        c
+        for c in categories
+        if (type(c.get("id")) is int and c["id"] in used) or counts[str(c.get("name")).lower()] == 1
+    ]
 
 
 def _named(images: list[Row], frames: ImageFrames, faults: Faults) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from meshslam.errors import DetectionError
 from meshslam.perception.coco import COCO_NUMBERS
 from meshslam.perception.conversion.class_numbers import class_note
-from meshslam.perception.conversion.frames import Found, ImageFrames, frame_of, gathered
+from meshslam.perception.conversion.frames import LARGEST_DIGITS, Found, ImageFrames, gathered
 from meshslam.perception.detections import DetectionSet
 from meshslam.perception.json_values import is_name, load_json, quoted
 from meshslam.perception.masks import is_finite_number, segmentation_problem
@@ -54,7 +55,8 @@ def _found(row: object, where: str, frames: ImageFrames, names: Mapping[int, str
         raise DetectionError(f"{where}: expected an object")
     frame, category, score = row.get("image_id"), row.get("category_id"), row.get("score")
     if isinstance(frame, str):  # a file's name, of which Ultralytics makes a number where it is one
-        frame = frame_of(Path(frame))
+        digits = re.search(rf"\d{{1,{LARGEST_DIGITS}}}$", frame.split(".")[0], re.ASCII)
+        frame = frame if digits is None else int(digits[0])
     if type(frame) is not int:
         raise DetectionError(f"{where}: image_id: found {quoted(frame)}, expected a frame number")
     if type(category) is not int or category not in names:

@@ -6,7 +6,7 @@ from typing import Any
 
 from meshslam.errors import DetectionError
 from meshslam.perception.faults import Faults
-from meshslam.perception.json_values import quoted
+from meshslam.perception.json_values import is_name, quoted
 
 Row = dict[str, Any]
 
@@ -28,7 +28,7 @@ def without_videos(root: Row, chosen: str | None, faults: Faults) -> Row:
 
 
 def _chosen(videos: list[Row], chosen: str | None, faults: Faults) -> Row:
-    names = [str(_name(video)) for video in videos]
+    names = [_name(video) for video in videos]
     found = [v for v, name in zip(videos, names, strict=True) if chosen is None or chosen in (name, str(v.get("id")))]
     if len(found) == 1:
         return found[0]
@@ -40,10 +40,11 @@ def _chosen(videos: list[Row], chosen: str | None, faults: Faults) -> Row:
     )
 
 
-def _name(video: Row) -> object:
+def _name(video: Row) -> str:
     names = video.get("file_names")
-    folder = str(names[0]).rpartition("/")[0] if isinstance(names, list) and names else None
-    return video.get("name") or folder or video.get("id")
+    folder = str(names[0]).rpartition("/")[0] if isinstance(names, list) and names else ""
+    name = video.get("name")
+    return quoted(name if is_name(name) and name else folder or video.get("id")).strip('"')
 
 
 def _of_images(root: Row, video: Row, rows: list[Row]) -> Row:
@@ -53,14 +54,15 @@ def _of_images(root: Row, video: Row, rows: list[Row]) -> Row:
         return root
     mine = [i for i in images if not isinstance(i, dict) or i.get("video_id", video.get("id")) == video.get("id")]
     numbered = [_numbered(i) if isinstance(i, dict) else i for i in mine]
-    ids = {i.get("id") for i in mine if isinstance(i, dict)}
+    ids = {i["id"] for i in mine if isinstance(i, dict) and type(i.get("id")) is int}
     tracks = root.get("tracks")
     listed = tracks if isinstance(tracks, list) else []
-    category = {t.get("id"): t.get("category_id") for t in listed if isinstance(t, dict)}
+    category = {t["id"]: t.get("category_id") for t in listed if isinstance(t, dict) and type(t.get("id")) is int}
     found = []
     for row in rows:
-        if row.get("image_id") in ids:
-            own = category.get(row.get("track_id"))
+        if type(row.get("image_id")) is int and row["image_id"] in ids:
+            track = row.get("track_id")
+            own = category.get(track) if type(track) is int else None
             found.append(row if "category_id" in row or own is None else row | {"category_id": own})
     return root | {"images": numbered, "annotations": found}
 

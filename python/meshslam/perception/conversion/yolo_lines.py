@@ -23,6 +23,7 @@ _BOX = 5  # a class, and centre and size of a box
 _FILLED = 0.5  # share of a pose's box that its points extend over, at least
 MANY = 8  # lines, of which not all are polygons that read as poses
 _LONG_WAY = 1.5  # of the sides of the box around an outline
+_FAR = 10.0  # shares of the image
 _MARGIN = 0.1  # of a box's size, by which points may lie outside
 
 
@@ -47,6 +48,10 @@ class Line:
     def values(self) -> list[float]:
         """The words as numbers; DetectionError where one is none."""
         return numbers_of(self.words, self.where)
+
+    def shares(self) -> Floats:
+        """The numbers behind the class, within what geometry needs of them: far outside is far enough."""
+        return np.clip(self.values()[1:], -_FAR, _FAR)
 
 
 @dataclass(frozen=True)
@@ -82,10 +87,10 @@ def _is_share(word: str) -> bool:
 
 def _cannot_be_point(line: Line) -> bool:
     """Whether the last two numbers are no corner: far below the image, or a spike to its border far from the others."""
-    x, y = line.values()[-2:]
+    *before, x, y = line.shares().tolist()
     if y > 1:
         return True
-    others = np.array(line.values()[1:-2]).reshape(-1, 2)
+    others = np.array(before).reshape(-1, 2)
     width = max(np.ptp(others[:, 0]), _BORDER)
     beside = others[:, 0].min() - width <= x <= others[:, 0].max() + width
     return not beside or bool((np.abs(others[:, 1] - y) > _BORDER).all())
@@ -128,7 +133,7 @@ def points_of_poses(lines: Sequence[Line]) -> tuple[int, int] | None:
 
 
 def _fill_box(line: Line, each: int, count: int) -> bool:
-    values = np.array(line.values()[1 : _BOX + count])
+    values = line.shares()[: _BOX + count - 1]
     box, points = values[:4], values[4:].reshape(-1, each)
     seen: Floats = points[(points[:, :2] != 0).any(1) & (points[:, -1] > 0 if each == 3 else True)]
     if each == 3 and (points[:, 2].min() < 0 or points[:, 2].max() > 2):
@@ -141,7 +146,7 @@ def _fill_box(line: Line, each: int, count: int) -> bool:
 
 def _has_size_away(line: Line, each: int, count: int) -> bool:
     """Whether a box's size, taken for a point, is away from its centre and its key points, up to word `count`."""
-    values = np.array(line.values()[1:count])
+    values = line.shares()[: count - 1]
     size, points = values[2:4], np.vstack([values[:2], values[4:].reshape(-1, each)[:, :2]])
     low, high = points.min(0), points.max(0)
     return bool(((size < low - (high - low)) | (size > high + (high - low))).any())
@@ -149,6 +154,6 @@ def _has_size_away(line: Line, each: int, count: int) -> bool:
 
 def _jumps(line: Line) -> bool:
     """Whether the way along a line's pairs is long against the box around them: an outline's is not."""
-    points = np.array(line.values()[1 : (len(line.words) - 1) // 2 * 2 + 1]).reshape(-1, 2)
+    points = line.shares()[: (len(line.words) - 1) // 2 * 2].reshape(-1, 2)
     way = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1).sum()
     return bool(way > _LONG_WAY * 2 * np.ptp(points, axis=0).sum())
