@@ -8,6 +8,7 @@ from pathlib import Path
 
 from meshslam.errors import SequenceError
 from meshslam.files import real_path
+from meshslam.sequences.bags.loader import Mcap, RosBag
 from meshslam.sequences.conventions import Convention
 from meshslam.sequences.folder import SequenceFolder
 from meshslam.sequences.kitti_odometry import KittiOdometry
@@ -18,7 +19,7 @@ from meshslam.sequences.report import Report
 from meshslam.sequences.selection import read_selection
 from meshslam.sequences.sequence import Sequence
 
-LOADERS: tuple[Loader, ...] = (KittiRaw(), KittiOdometry(), SequenceFolder())  # asked in this order
+LOADERS: tuple[Loader, ...] = (KittiRaw(), KittiOdometry(), RosBag(), Mcap(), SequenceFolder())  # asked in this order
 
 
 def open_sequence(
