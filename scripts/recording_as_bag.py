@@ -14,9 +14,14 @@ import numpy as np
 
 from meshslam.geometry import Pose
 from meshslam.sequences import WORLD_FROM_FIRST_CAMERA, Sequence, open_sequence
-from tests.sequences.bag_writing import BODY, IMAGE, IMU, IMU_FRAME, INFO, ODOMETRY, OPTICAL, Ros, Said
+from tests.sequences.bag_writing import BODY, IMAGE, IMU, IMU_FRAME, INFO, ODOMETRY, OPTICAL, START_NS, Ros, Said
 
 CAMERA_FROM_BODY = Pose(WORLD_FROM_FIRST_CAMERA.rotation.T, np.array([0.1, 0.2, 0.3]))
+
+
+def _ns(time_s: float) -> int:
+    """Times from 0 on, as KITTI's, become dates: samples before the first frame would be negative."""
+    return round(time_s * 1e9) + (START_NS if time_s < 1e8 else 0)
 
 
 def said(ros: Ros, recording: Sequence, repeat: int) -> Iterator[Said]:
@@ -25,13 +30,13 @@ def said(ros: Ros, recording: Sequence, repeat: int) -> Iterator[Said]:
     edges = [(BODY, OPTICAL, body_from_camera)]
     if recording.imu_from_camera is not None:
         edges.append((BODY, IMU_FRAME, body_from_camera @ recording.imu_from_camera.inverse()))
-    yield Said("/tf_static", round(recording.times_s[0] * 1e9), ros.transforms(0, edges))
+    yield Said("/tf_static", _ns(recording.times_s[0]), ros.transforms(0, edges))
     raw, bent = recording.raw_camera, recording.distortion
     period_s = float(np.median(np.diff(recording.times_s)))
     span_s = float(recording.times_s[-1] - recording.times_s[0]) + period_s
     for turn in range(repeat):
         for i, time_s in enumerate(recording.times_s):
-            ns = round((time_s + turn * span_s) * 1e9)
+            ns = _ns(time_s + turn * span_s)
             yield Said(INFO, ns, ros.info(ns, raw, () if bent is None else bent.coefficients))
             if recording.world_from_camera is not None:
                 yield Said(ODOMETRY, ns, ros.odometry(ns, recording.world_from_camera[i] @ CAMERA_FROM_BODY))
@@ -41,7 +46,7 @@ def said(ros: Ros, recording: Sequence, repeat: int) -> Iterator[Said]:
             recording.imu.times_s, recording.imu.angular_rate_rad_s, recording.imu.specific_force_m_s2, strict=True
         )
         for time_s, rate, force in rows:
-            ns = round(time_s * 1e9)
+            ns = _ns(time_s)
             yield Said(IMU, ns, ros.imu(ns, rate, force))
 
 

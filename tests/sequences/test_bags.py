@@ -491,6 +491,69 @@ def test_samples_that_are_no_numbers_are_left_out(ros, said, tmp_path):
     assert any("/imu/data: 1 of 47 messages left out" in note for note in bag.notes)
 
 
+def test_messages_of_an_interrupted_chunk_lie_bare(recorded, as_folder, tmp_path):
+    path = write_ros1(tmp_path / "drive.bag", Ros(1), said_of(Ros(1), recorded))
+    content = bytearray(path.read_bytes())
+    at = content.index(b"op=\x05") + 4  # the chunk's header; its data's length follows
+    end = content.index(b"size=", at) + 9
+    assert int.from_bytes(content[end : end + 4], "little") > 10_000
+    content[end : end + 4] = bytes(4)
+    path.write_bytes(content)
+    expect_same(open_sequence(path), as_folder)
+
+
+def test_the_rest_of_a_damaged_chunk_is_noted(ros, said, tmp_path):
+    from mcap.writer import CompressionType
+
+    plain = {"chunk_size": 10**6, "enable_crcs": False, "compression": CompressionType.NONE}
+    path = write_mcap(tmp_path / "drive.mcap", ros, said, **plain)
+    content = bytearray(path.read_bytes())
+    third = [s for s in said if s.topic == IMAGE][2]
+    at = content.index(bytes(ros.types.serialize_cdr(third.message, third.kind))) - 31  # record's and message's heads
+    content[at + 1 : at + 9] = b"\xff" * 8
+    path.write_bytes(content)
+    bag = open_sequence(path)
+    assert len(bag) == 2
+    assert any("the rest of a damaged chunk: left out" in note for note in bag.notes)
+
+
+def test_an_imu_of_another_clock_is_left_out(ros, said, tmp_path):
+    for s in said:
+        if s.topic == IMU:
+            s.message.header.stamp = ros.time(s.log_ns - START_NS + 10**10)
+    bag = open_sequence(write2(tmp_path, said))
+    assert bag.imu is None
+    assert any("another clock? The IMU is left out" in note for note in bag.notes)
+
+
+def test_transforms_within_a_robot_are_no_poses(ros, said, recorded, tmp_path):
+    moving = [
+        Said("/tf", ns, ros.transforms(ns, [("turret", "base_link", pose)]))
+        for ns, pose in zip(recorded.times_ns, recorded.world_from_body, strict=True)
+    ]
+    path = write2(tmp_path, without(said, ODOMETRY) + moving)
+    bag = open_sequence(path)
+    assert bag.world_from_camera is None
+    assert any("move camera_optical in turret: not taken as poses" in note for note in bag.notes)
+    assert open_sequence(path, topics={"poses": "/tf"}).world_from_camera is not None
+
+
+def test_the_calibration_of_a_compressed_topic_stands_two_names_up(ros, said, tmp_path):
+    for s in said:
+        s.topic = s.topic.replace("image_raw", "image_raw/compressed")
+    other = [
+        Said("/right/camera_info", s.log_ns, ros.info(0, replace(CAMERA, fx=1.0))) for s in said if s.topic == INFO
+    ]
+    assert open_sequence(write2(tmp_path, other + said)).raw_camera == CAMERA
+
+
+def test_a_type_without_a_proper_name_is_not_compiled(said, ros, tmp_path):
+    path = write_mcap(tmp_path / "drive.mcap", ros, said, use_chunking=False)
+    path.write_bytes(path.read_bytes().replace(b"sensor_msgs/msg/Image", b'sensor_msgs/m"g/Image'))
+    with pytest.raises(SequenceError, match="no topic holds images"):
+        open_sequence(path)
+
+
 def test_the_extra_is_named_where_it_is_missing(said, tmp_path, monkeypatch):
     path = write2(tmp_path, said)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)

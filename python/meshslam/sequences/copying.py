@@ -48,4 +48,4 @@ def _left_out(recording: Sequence) -> Iterator[str]:
     if recording.detections_path is not None:
         yield f"{recording.detections_path}: detections are not copied: give --detections FILE to later commands"
     if not recording.is_levelled:
-        yield f"{recording.root}: the poses' z is the first camera's up, not level, which a sequence folder does not say"
+        yield f"{recording.root}: poses' z is the first camera's up, not level, which a sequence folder cannot say"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from meshslam.sequences.bags.store import Channel
 from meshslam.sequences.report import fail
 
 Decoder = Callable[[bytes], Any]
+_ROS_TYPE = re.compile(r"\w+(/\w+)+", re.ASCII)
 _IDL_RULE = "=" * 80 + "\n"
 
 
@@ -49,6 +51,8 @@ def _decoder(channel: Channel) -> Decoder:
 def _ros_decoder(channel: Channel) -> Decoder:
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+    if not _ROS_TYPE.fullmatch(channel.type_name):
+        raise ValueError("its name is none of a ROS type")
     text = channel.schema.decode()
     if channel.schema_encoding == "ros2idl":
         types = get_typestore(Stores.EMPTY)

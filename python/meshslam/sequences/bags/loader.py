@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +30,8 @@ from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
+_RECTIFIED = re.compile(r"(/|_)rect(ified)?(_|/|$)")  # in a topic's name: image_rect_color
+_WORLDS = ("map", "odom", "world", "earth")  # frames that stand still (REP 105)
 _ACCEPTS = frozenset({"topics", "camera_file", "conventions", "size"})
 
 
@@ -175,7 +178,7 @@ def _camera(index: BagIndex, topic: Topic, images: BagImages, options: LoadOptio
 
 
 def _of_info(index: BagIndex, topic: Topic, found: Topic, report: Report) -> CameraFile:
-    is_rectified = "rect" in topic.name.rpartition("/image")[2] or topic.name.endswith("_rect")
+    is_rectified = _RECTIFIED.search(topic.name) is not None
     if found.changes:
         report.note(index.path, found.name, f"the calibration changes {found.changes} times: the first is taken")
     if is_rectified:
@@ -193,7 +196,9 @@ def _imu(
     rows = topic.rows[order]
     imu = ImuSamples(imu_ns / 1e9, rows[:, :3], rows[:, 3:])
     if imu.times_s[0] > times_s[-1] or imu.times_s[-1] < times_s[0]:
-        report.add(index.path, topic.name, "no sample lies between the first and the last frame: another clock?")
+        what = "no sample lies between the first and the last frame: another clock? The IMU is left out"
+        report.note(index.path, topic.name, what)
+        return None, None
     mounted = fixed_transform(index, topic.frame, image.frame)
     if mounted is None:
         frames = f"no transforms lead from {image.frame or 'an unnamed frame'} to {topic.frame or 'an unnamed frame'}"
@@ -243,6 +248,10 @@ def _of_transforms(
         if is_named:
             where = image.frame or "an unnamed frame"
             raise fail(index.path, "--topic poses", f"transforms do not tell how {where}, the camera's frame, moves")
+        return {}
+    if not is_named and root.rpartition("/")[2] not in _WORLDS:
+        what = f"transforms move {image.frame} in {root}: not taken as poses, unless by --topic poses=/tf"
+        report.note(index.path, "", what)
         return {}
     times_ns, poses = moving_poses(index, image.frame)
     if not len(poses):

@@ -66,6 +66,8 @@ class McapFiles:
         inside, offset = io.BytesIO(content), 0
         while True:
             found, record = _record(inside, len(content))
+            if found is None and offset != len(content):
+                raise fail(self.files[number], f"byte {start}", "the rest of a damaged chunk")
             if found is None:
                 return
             yield from self._message(Position(number, start, offset), found, record, told)

@@ -53,10 +53,13 @@ class Ros1Bag:
     ) -> Iterator[RawMessage]:
         kind = _number(header, "op")
         if kind == _CHUNK:
-            chunk, offset = io.BytesIO(self._content(start, header, data)), 0
+            content = self._content(start, header, data)
+            chunk, offset = io.BytesIO(content), 0
             while (record := _record(chunk)) is not None:
                 yield from self._message(Position(0, start, offset), *record, channels)
                 offset = chunk.tell()
+            if offset != len(content):
+                raise fail(self.path, f"byte {start}", "the rest of a damaged chunk")
         else:  # an interrupted chunk's messages lie bare
             yield from self._message(Position(0, start), header, data, channels)
 
