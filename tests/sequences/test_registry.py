@@ -39,7 +39,9 @@ def test_a_named_layout_is_taken_and_an_unknown_one_refused(folder, odometry):
     assert open_sequence(folder, layout="folder").layout == "folder"
     with pytest.raises(SequenceError, match=r"camera\.yaml: no such file"):
         open_sequence(odometry, layout="folder")
-    with pytest.raises(SequenceError, match="unknown layout 'euroc', known are kitti-raw, kitti-odometry, folder"):
+    with pytest.raises(
+        SequenceError, match="unknown layout 'euroc', known are kitti-raw, kitti-odometry, ros-bag, mcap, folder"
+    ):
         open_sequence(folder, layout="euroc")
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from meshslam.cli.options import Classes
+from meshslam.cli.convert_recording import convert_recording
+from meshslam.cli.options import Classes, takes_recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshslam.perception import DetectionSet, ImageFrames
+    from meshslam.sequences import Sequence
 
 
 class YoloShape(StrEnum):
@@ -27,6 +30,7 @@ class YoloShape(StrEnum):
 class Source(StrEnum):
     """What can be converted."""
 
+    recording = "recording"
     coco = "coco"
     coco_results = "coco-results"
     yolo = "yolo"
@@ -35,13 +39,23 @@ class Source(StrEnum):
     mots_png = "mots-png"
 
 
+@takes_recording
 def convert(
-    source: Annotated[Source, typer.Argument(help="Whose detections they are.")],
+    source: Annotated[Source, typer.Argument(help="What it is: a recording, or whose detections.")],
     path: Annotated[
-        Path, typer.Argument(help="File (coco, coco-results, mots-txt) or folder (yolo, openpifpaf, mots-png).")
+        Path,
+        typer.Argument(
+            help="The recording; or the detections: a file (coco, coco-results, mots-txt) or folder (yolo, openpifpaf, "
+            "mots-png)."
+        ),
     ],
-    sequence: Annotated[Path, typer.Option(help="Folder of the recording: its frames and its images' size.")],
-    out: Annotated[Path, typer.Option(help="Where to write the detections (JSON, COCO).")],
+    folder: Annotated[Path | None, typer.Argument(help="recording: the sequence folder to write.")] = None,
+    sequence: Annotated[
+        Path | None, typer.Option(help="Detections: the recording that they are of: its frames and its images' size.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write: the detections (JSON, COCO), or the sequence folder.")
+    ] = None,
     masks: Annotated[Path | None, typer.Option(help="openpifpaf: detections with masks, which get the points.")] = None,
     names: Annotated[
         str | None,
@@ -60,13 +74,55 @@ def convert(
     first_frame: Annotated[
         int | None, typer.Option(help="Number that the files give to the recording's first frame, such as 1.")
     ] = None,
-    layout: Annotated[str | None, typer.Option(help="Name of the layout, where the path does not tell.")] = None,
-    camera: Annotated[int | None, typer.Option(help="Which of the layout's cameras.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="recording: replace a folder that was written so before.")] = False,
+    *,
+    recording: Any,  # noqa: ANN401 # settings of `input`
 ) -> None:
-    """Convert detections of other tools to the file that `meshslam map --detections` reads.
+    """Convert a recording to a sequence folder, or detections of other tools to a file for `meshslam map --detections`.
+
+    Example: meshslam convert recording drive.bag drive --topic image=/camera/image_raw
 
     Example: meshslam convert mots-txt 0006.txt --sequence 06 --out detections.json
     """
+    from meshslam.errors import DetectionError, SequenceError
+
+    place = folder or out
+    if source is Source.recording:
+        if place is None or sequence is not None:
+            raise SequenceError(
+                "convert recording takes the recording and the folder to write: meshslam convert recording IN OUT"
+            )
+        convert_recording(_opened(path, recording), place, overwrite=overwrite)
+        return
+    if place is None or sequence is None:
+        raise DetectionError(f"convert {source}: give --sequence, the recording, and --out, the file to write")
+    told = _Told(masks, names, classes, yolo, tracked, video, first_frame)
+    _convert_detections(source, path, _opened(sequence, recording), place, told)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What the user says of detections."""
+
+    masks: Path | None
+    names: str | None
+    classes: str | None
+    yolo: YoloShape | None
+    tracked: bool | None
+    video: str | None
+    first_frame: int | None
+
+
+def _opened(path: Path, recording: dict[str, Any]) -> Sequence:
+    from meshslam.runs import InputConfig, open_input, overlaid
+
+    given = {"sequence": path, **recording}
+    values = {key: str(value) if isinstance(value, Path) else value for key, value in given.items()}
+    return open_input(overlaid(InputConfig(), values, "flags"))
+
+
+def _convert_detections(source: Source, path: Path, recording: Sequence, out: Path, told: _Told) -> None:
+    """Read them as their tool writes them, and write them as COCO."""
     import sys
     from functools import partial
 
@@ -88,41 +144,39 @@ def convert(
         with_openpifpaf,
         write_detections,
     )
-    from meshslam.runs import InputConfig, open_input
 
-    for_yolo = {"--yolo": yolo, "--tracked": tracked}
+    for_yolo = {"--yolo": told.yolo, "--tracked": told.tracked}
     unused = [flag for flag, value in for_yolo.items() if value is not None and source is not Source.yolo]
-    unused += ["--video"] if video is not None and source is not Source.coco else []
+    unused += ["--video"] if told.video is not None and source is not Source.coco else []
     if unused:
         raise DetectionError(f"{unused[0]}: {source} does not use it: leave it out")
-    recording = open_input(InputConfig(sequence=str(sequence), layout=layout, camera=camera))
     raw = recording.raw_camera
-    frames = ImageFrames(recording.frame_ids, raw.width, raw.height, first_frame)
+    frames = ImageFrames(recording.frame_ids, raw.width, raw.height, told.first_frame)
     if source is Source.openpifpaf:
-        if masks is None:
+        if told.masks is None:
             raise DetectionError("openpifpaf has key points but no masks: give --masks FILE (meshslam detect makes it)")
-        given = read_detections(masks)
+        given = read_detections(told.masks)
         if given.undistorted:
-            raise DetectionError(f"{masks}: its pixels are undistorted, those of openpifpaf are the raw images'")
+            raise DetectionError(f"{told.masks}: its pixels are undistorted, those of openpifpaf are the raw images'")
         found = with_openpifpaf(path, given, frames.shift)
     else:
-        table = None if names is None else read_class_names(names)
+        table = None if told.names is None else read_class_names(told.names)
         if table is not None and source in (Source.mots_txt, Source.mots_png):
             raise DetectionError(f"--names: {source} has classes of its own: leave it out")
-        if table is not None and source is Source.coco_results and "=" not in str(names):
+        if table is not None and source is Source.coco_results and "=" not in str(told.names):
             table = counted_from_one(path, table)
         readers: dict[Source, Callable[[Path, ImageFrames], DetectionSet]] = {
-            Source.coco: lambda path, frames: from_coco(path, recording, frames, table, video),
+            Source.coco: lambda path, frames: from_coco(path, recording, frames, table, told.video),
             Source.coco_results: partial(from_coco_results, names=table),
             Source.yolo: partial(
-                from_yolo_txt, names=table, shape=None if yolo is None else yolo.value, tracked=tracked
+                from_yolo_txt, names=table, shape=None if told.yolo is None else told.yolo.value, tracked=told.tracked
             ),
             Source.mots_txt: from_mots_txt,
             Source.mots_png: from_mots_png,
         }
         found = readers[source](path, frames)
-    if classes is not None:
-        found = renamed_set(found, renamings(class_list(classes)), str(path))
+    if told.classes is not None:
+        found = renamed_set(found, renamings(class_list(told.classes)), str(path))
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(out, write_detections(found))
     for note in found.warnings:

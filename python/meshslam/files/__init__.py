@@ -10,12 +10,13 @@ from meshslam.files.atomic import (
     written_aside,
 )
 from meshslam.files.digest import digest_of, digest_of_file
-from meshslam.files.folder import replaced_folder
+from meshslam.files.folder import LIST, replaced_folder
 from meshslam.files.lock import LOCK, locked
 from meshslam.files.places import real_path
 
 __all__ = [
     "LEFTOVER_SUFFIX",
+    "LIST",
     "LOCK",
     "digest_of",
     "digest_of_file",

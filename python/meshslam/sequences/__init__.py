@@ -3,6 +3,7 @@
 from meshslam.sequences.cameras.read import read_camera
 from meshslam.sequences.check import check_sequence, inspect_sequence
 from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
+from meshslam.sequences.copying import copy_as_folder
 from meshslam.sequences.distortion import Distortion, undistorted
 from meshslam.sequences.folder import CameraFile, read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
@@ -42,6 +43,7 @@ __all__ = [
     "Sequence",
     "camera_yaml",
     "check_sequence",
+    "copy_as_folder",
     "find_loader",
     "format_tum",
     "in_convention",

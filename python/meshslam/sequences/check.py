@@ -57,7 +57,8 @@ def inspect_sequence(path: Path, given: RecordingOptions) -> tuple[Sequence | No
 def _check_imu(sequence: Sequence, report: Report) -> None:
     if sequence.imu is None:
         return
-    file = sequence.root / ("imu.csv" if sequence.layout == "folder" else "oxts")
+    inside = {"folder": "imu.csv", "kitti-raw": "oxts"}.get(sequence.layout, "")
+    file = sequence.root / inside
     imu, first_s, last_s = sequence.imu, float(sequence.times_s[0]), float(sequence.times_s[-1])
     if imu.rate_hz < LOWEST_IMU_RATE_HZ and sequence.world_from_camera is None:
         report.add(

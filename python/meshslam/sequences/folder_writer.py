@@ -29,6 +29,8 @@ def write_sequence_folder(
     images: Iterable[Bytes] | None = None,
     detections: Mapping[str, Any] | None = None,
     world_from_camera: Items[Pose] | None = None,
+    partial_poses: Mapping[int, Pose] | None = None,
+    frame_ids: Items[int] | None = None,
     imu: ImuSamples | None = None,
     imu_from_camera: Pose | None = None,
     initial_state: InitialState | None = None,
@@ -37,13 +39,15 @@ def write_sequence_folder(
 ) -> Path:
     """Write one sequence: times (n,) in seconds, images BGR (h, w, 3) or grey (h, w), detections as a COCO document.
 
-    With a distortion, images and detections are those of its raw camera. SequenceError if the folder cannot be written.
+    With a distortion, images and detections are those of its raw camera. `partial_poses` by index are written where not
+    every frame has one; `frame_ids` are the images' numbers, else they are counted from 0. Images are asked for one by
+    one. SequenceError if the folder cannot be written.
     """
     raw = camera if distortion is None else distortion.raw_camera
     files = {
         "camera.yaml": camera_yaml(raw, distortion, imu_from_camera, height_above_ground_m),
         "times.txt": "".join(f"{t:.9f}\n" for t in times_s),
-        "poses.tum": None if world_from_camera is None else format_tum(times_s, world_from_camera),
+        "poses.tum": _poses_tum(times_s, dict(enumerate(world_from_camera or ())) or partial_poses),
         "imu.csv": None if imu is None else _imu_csv(imu),
         "initial_state.yaml": None if initial_state is None else _initial_state_yaml(initial_state),
         "detections.json": None if detections is None else json.dumps(detections),
@@ -54,7 +58,7 @@ def write_sequence_folder(
             if text is not None:
                 write_into(folder / name, text, SequenceError)
         for i, image in enumerate(images or []):
-            _write_png(folder / "images" / f"{i:06d}.png", image)
+            _write_png(folder / "images" / f"{i if frame_ids is None else frame_ids[i]:06d}.png", image)
     except OSError as error:
         raise SequenceError(f"{folder}: cannot be written: {error.strerror}") from None
     return folder
@@ -80,6 +84,13 @@ def camera_yaml(
     if height_above_ground_m is not None:
         content["height_above_ground_m"] = float(height_above_ground_m)
     return _dump(content)
+
+
+def _poses_tum(times_s: Floats, poses: Mapping[int, Pose] | None) -> str | None:
+    if not poses:
+        return None
+    kept = sorted(poses)
+    return format_tum(np.asarray(times_s)[kept], [poses[i] for i in kept])
 
 
 def _matrix(pose: Pose) -> list[list[float]]:

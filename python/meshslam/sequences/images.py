@@ -69,7 +69,11 @@ def load_image(path: Path, size: tuple[int, int] | None = None, bits: int | None
     An image of 16 bits a channel is scaled so that `bits` become 8; without `bits`, its own brightest pixel tells.
     FoundError if it is missing, damaged, cut short, larger than any camera's, or not of `size` (w, h).
     """
-    content = _content(path)
+    return decode_image(path, _content(path), size, bits)
+
+
+def decode_image(path: Path, content: bytes, size: tuple[int, int] | None = None, bits: int | None = None) -> Bytes:
+    """`load_image` of content that is at hand; `path` is where it comes from, as errors name it."""
     if content.startswith(_PNG_SIGNATURE):
         image = _png(path, content, bits)
     elif content.startswith(_JPEG_START):

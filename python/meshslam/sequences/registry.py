@@ -8,6 +8,7 @@ from pathlib import Path
 
 from meshslam.errors import SequenceError
 from meshslam.files import real_path
+from meshslam.sequences.bags.loader import Mcap, RosBag
 from meshslam.sequences.conventions import Convention
 from meshslam.sequences.folder import SequenceFolder
 from meshslam.sequences.kitti_odometry import KittiOdometry
@@ -26,6 +27,8 @@ from meshslam.sequences.selection import read_selection
 from meshslam.sequences.sequence import Sequence
 
 LOADERS: tuple[Loader, ...] = (  # asked in this order: those that are told by more than names first
+    RosBag(),
+    Mcap(),
     KittiTracking(),
     Kitti360(),
     Euroc(),
