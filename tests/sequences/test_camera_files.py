@@ -370,6 +370,7 @@ ODD = {
     "another yaml": ({"a": 1}, "no known calibration file; known are our camera.yaml, Kalibr's camchain"),
     "xml bomb": ('<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><opencv_storage/>', "DOCTYPE or entities"),
     "another xml": ("<svg></svg>", "expected <opencv_storage>, found <svg>"),
+    "deep xml": ("<opencv_storage>" + "<a>" * 5000 + "</a>" * 5000 + "</opencv_storage>", "nested too deeply"),
     "cut xml": ("<opencv_storage><K>", "not valid XML"),
 }
 

@@ -147,7 +147,10 @@ def _xml(path: Path, text: str) -> dict[str, Any]:
         raise fail(path, "", f"not valid XML: {str(error)[:120]}") from None
     if root.tag != "opencv_storage":
         raise fail(path, "", f"expected <opencv_storage>, found <{root.tag[:40]}>")
-    return {str(part.tag): _xml_value(part) for part in root}
+    try:
+        return {str(part.tag): _xml_value(part) for part in root}
+    except RecursionError:
+        raise fail(path, "", "not valid XML: nested too deeply") from None
 
 
 def _xml_value(part: ET.Element) -> object:
