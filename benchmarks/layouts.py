@@ -9,11 +9,16 @@ the greatest distance between the centres of a car here and there, and what `che
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import yaml
@@ -176,6 +181,70 @@ def folder(drive: Sequence, out: Path, height_m: float = 1.65) -> Written:
     return out, []
 
 
+def bag_writing() -> Any:  # the tests' module
+    """The writers of bags that tests use; the checkout must be the folder that the script is in."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    return importlib.import_module("tests.sequences.bag_writing"), importlib.import_module("scripts.recording_as_bag")
+
+
+def ros1_bag(drive: Sequence, out: Path) -> Written:
+    """By rosbags' writer, compressed."""
+    writing, messages = bag_writing()
+    ros, path = writing.Ros(1), out.with_suffix(".bag")
+    return writing.write_ros1(path, ros, list(messages.said(ros, drive, 1)), "BZ2"), []
+
+
+def ros2_sqlite(drive: Sequence, out: Path) -> Written:
+    """By rosbags' writer."""
+    writing, messages = bag_writing()
+    ros = writing.Ros(2)
+    return writing.write_ros2(out, ros, list(messages.said(ros, drive, 1))), []
+
+
+def ros2_mcap(drive: Sequence, out: Path) -> Written:
+    """By rosbags' writer, each message compressed by zstd."""
+    writing, messages = bag_writing()
+    ros = writing.Ros(2)
+    return writing.write_ros2(out, ros, list(messages.said(ros, drive, 1)), "MCAP", "MESSAGE"), []
+
+
+def foxglove(drive: Sequence, out: Path) -> Written:
+    """MCAP with Foxglove's schemas as Protocol Buffers: PNG images, transforms."""
+    writing, messages = bag_writing()
+    bodies = [pose @ messages.CAMERA_FROM_BODY for pose in drive.world_from_camera]
+    stamps = [writing.START_NS + round(1e9 * t) for t in drive.times_s]
+    images = [drive.read_image(i) for i in range(len(drive))]
+    shown = SimpleNamespace(
+        times_ns=stamps,
+        images=images,
+        world_from_body=bodies,
+        camera=drive.camera,
+        camera_from_body=messages.CAMERA_FROM_BODY,
+        distortion=[0.0] * 5,
+    )
+    return writing.write_foxglove(out.with_suffix(".mcap"), writing.foxglove_of(shown), "protobuf"), []
+
+
+def video(drive: Sequence, out: Path) -> Written:
+    """MP4 by H.264, uneven steps, with Kalibr's camchain and poses in TUM's form."""
+    import av
+
+    path = out.with_suffix(".mp4")
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=10, options={"crf": "12", "g": "12"})
+        stream.width, stream.height, stream.pix_fmt = drive.camera.width, drive.camera.height - 1, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, 10_000)
+        for i, time_s in enumerate(drive.times_s):
+            frame = av.VideoFrame.from_ndarray(drive.read_image(i)[:-1], format="bgr24")  # even sizes alone
+            frame.pts, frame.time_base = round(1e4 * time_s), Fraction(1, 10_000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    camera = replace(drive.camera, height=drive.camera.height - 1)
+    poses = out.with_name(f"{out.name}_poses.tum")
+    poses.write_text(format_tum(drive.times_s, drive.world_from_camera))
+    return path, ["--camera", str(camchain(replace(drive, camera=camera), out)), "--poses", str(poses)]
+
+
 LAYOUTS: dict[str, Callable[[Sequence, Path], Written]] = {
     "folder": folder,
     "euroc": euroc,
@@ -183,6 +252,11 @@ LAYOUTS: dict[str, Callable[[Sequence, Path], Written]] = {
     "kitti-tracking": kitti_tracking,
     "kitti-360": kitti_360,
     "frames": frames,
+    "ros1-bag": ros1_bag,
+    "ros2-sqlite": ros2_sqlite,
+    "ros2-mcap-zstd": ros2_mcap,
+    "mcap-foxglove": foxglove,
+    "video": video,
 }
 
 

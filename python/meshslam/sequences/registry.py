@@ -25,10 +25,12 @@ from meshslam.sequences.opening import RecordingOptions, opened
 from meshslam.sequences.report import Report
 from meshslam.sequences.selection import read_selection
 from meshslam.sequences.sequence import Sequence
+from meshslam.sequences.video import Video
 
 LOADERS: tuple[Loader, ...] = (  # asked in this order: those that are told by more than names first
     RosBag(),
     Mcap(),
+    Video(),
     KittiTracking(),
     Kitti360(),
     Euroc(),
