@@ -42,13 +42,13 @@ class InputConfig(Settings):
     imu: str | None = public(None, doc="IMU samples (CSV) instead of the layout's own")
     imu_from_camera: str | None = public(None, doc="extrinsics: 4 x 4 in YAML or JSON, or Kalibr's camchain-imucam")
     imu_time_offset_s: float = public(
-        0.0, low=-3600, high=3600, doc="by which the IMU's clock is ahead of the camera's"
+        0.0, low=-1e10, high=1e10, doc="by which the IMU's clock is ahead of the camera's"
     )
     poses: str | None = public(None, doc="file of poses (TUM, EuRoC, VINS, KITTI, COLMAP) instead of the layout's own")
     poses_convention: Convention = public("camera", doc="what the poses are: world_from_camera with z up, or another")
     camera_from_body: str | None = public(None, doc="the poses are world_from_body: camera_from_body, 4 x 4")
     poses_time_offset_s: float = public(
-        0.0, low=-3600, high=3600, doc="by which the poses' clock is ahead of the camera's"
+        0.0, low=-1e10, high=1e10, doc="by which the poses' clock is ahead of the camera's"
     )
 
 
