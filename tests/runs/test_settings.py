@@ -20,7 +20,7 @@ KNOWN, SIMULATED = paths_of(Config), paths_of(SimulationConfig)
 OLD = (Path(__file__).parent / "settings_0_1.txt").read_text().split()
 RUNS = ("map", "localize", "slam", "detect")
 PACKAGE = Path(__file__).parents[2] / "python" / "meshslam"
-BELOW, ABOVE = -(10**9), 10**9
+BELOW, ABOVE = -(10**12), 10**12
 
 
 def tree_of(path, value):
