@@ -63,7 +63,7 @@ def folder(tmp_path_factory):
 def segmenter_by_colour(monkeypatch):
     """The drawn cars are found by their colours, whatever network a page names: pages need no recordings."""
     for room in ("meshslam.runs.perception", "meshslam.perception.frame_perception"):
-        monkeypatch.setattr(f"{room}.load_segmenter", lambda *_: ColourSegmenter())
+        monkeypatch.setattr(f"{room}.load_segmenter", lambda *_, **__: ColourSegmenter())
 
 
 def shapes_said(code):

@@ -103,7 +103,7 @@ def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet) -> Seg
     found = load_segmenter(
         model, config.segmentation, adapter=said, renamed=renamed, tracked=config.tracking.categories
     )
-    for note in found.notes:
+    for note in getattr(found, "notes", ()):
         outlet.note(note)
     return found
 
