@@ -16,7 +16,7 @@ from meshslam.perception import (
     read_detections,
     write_detections,
 )
-from meshslam.sequences import Sequence
+from meshslam.sequences import ImageFiles, Sequence
 
 WIDTH, HEIGHT, COUNT = 64, 48, 3
 FRAMES = ImageFrames(tuple(range(COUNT)), WIDTH, HEIGHT)
@@ -42,7 +42,9 @@ def read(tmp_path):
         paths = tuple(Path("images", f"{n:06d}.png") for n in range(COUNT))
         camera = Camera(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5)
         times = np.arange(COUNT) * 0.1
-        recording = Sequence("s", "folder", Path("s"), camera, tuple(range(COUNT)), times, image_paths=paths)
+        recording = Sequence(
+            "s", "folder", Path("s"), camera, tuple(range(COUNT)), times, images=ImageFiles(tuple(paths))
+        )
         path = tmp_path / "labels.json"
         path.write_text(json.dumps(document))
         found = from_coco(path, recording, options.pop("frames", FRAMES), **options)
