@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import cv2
@@ -122,3 +123,11 @@ def test_a_cut_video_gives_the_frames_that_are_whole(tmp_path):
     found = open_sequence(path, camera=camera(tmp_path))
     assert 10 < len(found) < COUNT
     assert (found.read_image(3) == whole).all()
+
+
+def test_threads_share_one_decoder(video):
+    found = open_sequence(video, camera=camera(video.parent))
+    first = [found.read_image(i) for i in range(COUNT)]
+    with ThreadPoolExecutor(4) as pool:
+        again = list(pool.map(found.read_image, [*range(COUNT), *range(COUNT)[::-1]]))
+    assert all((one == other).all() for one, other in zip(again, [*first, *first[::-1]], strict=True))

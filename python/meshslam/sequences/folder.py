@@ -18,7 +18,7 @@ from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.imu_files import read_imu
 from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
 from meshslam.sequences.text import numbers_of, pose_of, read_times, read_yaml
@@ -82,7 +82,7 @@ class SequenceFolder:
             report.add(path / "imu.csv", "", "no sample lies between the first and the last frame: another clock?")
         frame_ids = _frame_ids(path, times_s, images, report)
         count = len(frame_ids)
-        known = [poses[i] for i in range(count) if i in poses]
+        every, some = all_or_some(poses, count)
         note_turn(images, report)
         return Sequence(
             name=real_path(path).name,
@@ -92,7 +92,7 @@ class SequenceFolder:
             frame_ids=frame_ids,
             times_s=times_s[:count],
             images=ImageFiles(tuple(images[:count]), image_bits(images, report)) if images else None,
-            world_from_camera=tuple(known) if len(known) == count else None,
+            world_from_camera=every,
             is_levelled=options.poses_convention != "first-camera-world",
             detections_path=_detections(path, options, images),
             imu=imu,
@@ -100,7 +100,7 @@ class SequenceFolder:
             initial_state=start,
             height_above_ground_m=camera.height_above_ground_m,
             distortion=camera.distortion,
-            partial_poses={i: pose for i, pose in poses.items() if i < count} if 0 < len(known) < count else None,
+            partial_poses=some,
         )
 
 

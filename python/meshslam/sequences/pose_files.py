@@ -14,7 +14,7 @@ from meshslam.geometry import Floats, Pose
 from meshslam.sequences.colmap_images import is_colmap_images, read_colmap_images
 from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import parse_table, read_table, read_text, rigid
@@ -51,14 +51,8 @@ def with_poses(sequence: Sequence, path: Path, options: LoadOptions, time_offset
 
 
 def _placed(sequence: Sequence, poses: Mapping[int, Pose], is_levelled: bool) -> Sequence:
-    known = {i: poses[i] for i in range(len(sequence)) if i in poses}
-    whole = len(known) == len(sequence)
-    return replace(
-        sequence,
-        world_from_camera=tuple(known.values()) if whole else None,
-        partial_poses=None if whole or not known else known,
-        is_levelled=is_levelled,
-    )
+    every, some = all_or_some(poses, len(sequence))
+    return replace(sequence, world_from_camera=every, partial_poses=some, is_levelled=is_levelled)
 
 
 def _kitti(sequence: Sequence, path: Path, report: Report) -> dict[int, Pose]:

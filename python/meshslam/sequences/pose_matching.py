@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from collections.abc import Sequence as Items
 from pathlib import Path
 
@@ -38,6 +38,17 @@ def poses_at(times_s: Floats, pose_times_s: Floats, poses: Items[Pose], path: Pa
             path, "", f"{missing} (first: frame {first} at {times_s[first]:.6f} s); {spans}; map leaves them out"
         )
     return found
+
+
+def all_or_some(poses: Mapping[int, Pose], count: int) -> tuple[tuple[Pose, ...] | None, dict[int, Pose] | None]:
+    """world_from_camera and partial_poses of a Sequence of so many frames: the one if all have poses, else the other.
+
+    Both are None where no frame has one.
+    """
+    known = {i: poses[i] for i in range(count) if i in poses}
+    if not known:
+        return None, None
+    return (tuple(known.values()), None) if len(known) == count else (None, known)
 
 
 def _ids(poses: Iterable[Pose]) -> set[int]:

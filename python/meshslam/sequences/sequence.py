@@ -11,6 +11,7 @@ from meshslam.errors import SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
 from meshslam.sequences.image_source import ImageFiles, ImageSource
+from meshslam.sequences.pose_matching import all_or_some
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +98,14 @@ class Sequence:
         kept = list(indices)
         poses = dict(enumerate(self.world_from_camera or ())) or dict(self.partial_poses or {})
         known = {i: poses[k] for i, k in enumerate(kept) if k in poses}
-        whole = len(known) == len(kept) > 0
+        every, some = all_or_some(known, len(kept))
         return replace(
             self,
             frame_ids=tuple(self.frame_ids[i] for i in kept),
             times_s=self.times_s[kept],
             images=None if self.images is None else self.images.part(kept),
-            world_from_camera=tuple(known.values()) if whole else None,
-            partial_poses=None if whole or not known else known,
+            world_from_camera=every,
+            partial_poses=some,
             left_out_frames=self.left_out_frames | (set(self.frame_ids) - {self.frame_ids[i] for i in kept}),
         )
 

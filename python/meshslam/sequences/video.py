@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ class VideoImages:
     turn_deg: int = 0  # by which the last frame was turned, counter-clockwise
     _frames: Iterator[Any] | None = field(default=None, repr=False)
     _next: int = 0  # the frame that decoding has come to
+    _lock: Lock = field(default_factory=Lock, repr=False)  # one decoder for all threads
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,11 +93,17 @@ class VideoImages:
 
     def __getstate__(self) -> dict[str, Any]:
         """For copies and pickles: decoding begins anew there."""
-        return vars(self) | {"_frames": None, "_next": 0}
+        kept = {name: value for name, value in vars(self).items() if name != "_lock"}
+        return kept | {"_frames": None, "_next": 0}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """The reverse of `__getstate__`."""
+        vars(self).update(state, _lock=Lock())
 
     def read(self, index: int, size: tuple[int, int] | None) -> Bytes:
         """See ImageSource."""
-        frame = self._decoded(index)
+        with self._lock:
+            frame = self._decoded(index)
         if frame.width * frame.height > MAX_PIXELS:
             raise SequenceError(f"{self.path}: frames of {frame.width}x{frame.height} pixels are not read")
         image = np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)

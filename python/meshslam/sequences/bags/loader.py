@@ -26,7 +26,7 @@ from meshslam.sequences.bags.transforms import fixed_transform, moving_poses, mo
 from meshslam.sequences.cameras.read import read_camera
 from meshslam.sequences.folder import CameraFile
 from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
@@ -126,7 +126,7 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
     camera = _camera(index, topic, images, options, report)
     imu, imu_from_camera = _imu(index, topic, times_s, options, report) if options.has_own_imu else (None, None)
     poses = _poses(index, topic, times_s, options, report) if options.has_own_poses else {}
-    whole = len(poses) == len(times_s)
+    every, some = all_or_some(poses, len(times_s))
     return Sequence(
         name=real_path(path).name.removesuffix(path.suffix),
         layout=layout,
@@ -135,14 +135,14 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
         frame_ids=tuple(range(len(times_s))),
         times_s=times_s,
         images=images,
-        world_from_camera=tuple(poses[i] for i in range(len(times_s))) if whole else None,
+        world_from_camera=every,
         is_levelled=options.poses_convention != "first-camera-world",
         detections_path=options.detections_path,
         imu=imu,
         imu_from_camera=imu_from_camera or camera.imu_from_camera,
         height_above_ground_m=camera.height_above_ground_m,
         distortion=camera.distortion,
-        partial_poses=poses if poses and not whole else None,
+        partial_poses=some,
     )
 
 

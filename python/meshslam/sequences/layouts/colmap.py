@@ -12,6 +12,7 @@ from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.layouts.frames import frame_times
 from meshslam.sequences.loader import LoadOptions
+from meshslam.sequences.pose_matching import all_or_some
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import Sequence
 
@@ -38,17 +39,17 @@ class Colmap:
         if model is None:
             raise fail(path, "", "holds no sparse/0 with COLMAP's cameras and images, .txt or .bin")
         cameras, images = model
-        every = list_images(path / "images")
+        listed = list_images(path / "images")
         placed = read_colmap_images(images)
-        ids = {placed[file.name][1] for file in every if file.name in placed}
+        ids = {placed[file.name][1] for file in listed if file.name in placed}
         if not ids:
-            raise fail(images, "", f"no image of it is in images/, such as {every[0].name}")
+            raise fail(images, "", f"no image of it is in images/, such as {listed[0].name}")
         number = options.camera_number if options.camera_number is not None else ids.pop() if len(ids) == 1 else None
         if number is None:
             names = ", ".join(map(str, sorted(ids)[:8]))
             raise fail(images, "", f"the images are of the cameras {names}: choose one by --camera N")
         found = read_camera(cameras, number, report=report)
-        files = [file for file in every if placed.get(file.name, (None, number))[1] == number]
+        files = [file for file in listed if placed.get(file.name, (None, number))[1] == number]
         frame_ids = frame_numbers(files) if are_numbered(files) else tuple(range(len(files)))
         known = {
             i: WORLD_FROM_FIRST_CAMERA @ placed[file.name][0].inverse()
@@ -60,7 +61,7 @@ class Colmap:
                 images, "", f"{len(files) - len(known)} of {len(files)} images have no pose: map leaves them out"
             )
         note_turn(files, report)
-        whole = len(known) == len(files)
+        every, some = all_or_some(known, len(files))
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -69,11 +70,11 @@ class Colmap:
             frame_ids=frame_ids,
             times_s=frame_times(path / "images", files, frame_ids, options.rate_hz, report),
             images=ImageFiles(tuple(files), image_bits(files, report)),
-            world_from_camera=tuple(known.values()) if whole else None,
+            world_from_camera=every,
             is_levelled=False,
             detections_path=options.detections_path,
             distortion=found.distortion,
-            partial_poses=None if whole or not known else known,
+            partial_poses=some,
         )
 
 

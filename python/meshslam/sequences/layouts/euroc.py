@@ -13,7 +13,7 @@ from meshslam.sequences.images import image_bits, note_turn
 from meshslam.sequences.layouts.timed_images import timed_images
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.pose_files import read_euroc
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import ImuSamples, Sequence
 from meshslam.sequences.text import check_increasing, parse_table, pose_of, read_text, read_yaml
@@ -61,7 +61,7 @@ class Euroc:
             cameras = tuple(p @ body_from_truth.inverse() @ body_from_camera for p in bodies)
             poses = poses_at(times_s, pose_times_s, cameras, truth, report)
         note_turn(files, report)
-        whole = len(poses) == len(files)
+        every, some = all_or_some(poses, len(files))
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -70,12 +70,12 @@ class Euroc:
             frame_ids=tuple(range(len(files))),
             times_s=times_s,
             images=ImageFiles(tuple(files), image_bits(files, report)),
-            world_from_camera=tuple(poses[i] for i in range(len(files))) if whole else None,
+            world_from_camera=every,
             detections_path=options.detections_path,
             imu=imu,
             imu_from_camera=body_from_imu.inverse() @ body_from_camera,
             distortion=found.distortion,
-            partial_poses=None if whole or not poses else poses,
+            partial_poses=some,
         )
 
 

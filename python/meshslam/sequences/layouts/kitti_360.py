@@ -15,7 +15,7 @@ from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import frame_numbers, image_bits, list_images, note_turn
 from meshslam.sequences.kitti import read_calibration
 from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import read_table, rigid
@@ -61,7 +61,7 @@ class Kitti360:
             pose_from_camera = _pose_from_camera(home / "calibration", number, report)
             poses = _poses(given, every_s, times_s, pose_from_camera, report)
         note_turn(files, report)
-        whole = len(poses) == len(files)
+        every, some = all_or_some(poses, len(files))
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -70,10 +70,10 @@ class Kitti360:
             frame_ids=frame_ids,
             times_s=times_s,
             images=ImageFiles(tuple(files), image_bits(files, report)),
-            world_from_camera=tuple(poses[i] for i in range(len(files))) if whole else None,
+            world_from_camera=every,
             detections_path=options.detections_path,
             height_above_ground_m=HEIGHT_ABOVE_GROUND_M,
-            partial_poses=None if whole or not poses else poses,
+            partial_poses=some,
         )
 
 

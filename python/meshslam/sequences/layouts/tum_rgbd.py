@@ -16,7 +16,7 @@ from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import image_bits, load_image, note_turn
 from meshslam.sequences.layouts.timed_images import timed_images
 from meshslam.sequences.loader import LoadOptions
-from meshslam.sequences.pose_matching import poses_at
+from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.tum import read_tum
@@ -60,7 +60,7 @@ class TumRgbd:
             pose_times_s, read = read_tum(truth, report)
             poses = poses_at(times_s, pose_times_s, options.world_from_camera(read), truth, report)
         note_turn(files, report)
-        whole = len(poses) == len(files)
+        every, some = all_or_some(poses, len(files))
         return Sequence(
             name=path.name,
             layout=self.name,
@@ -69,12 +69,12 @@ class TumRgbd:
             frame_ids=tuple(range(len(files))),
             times_s=times_s,
             images=ImageFiles(tuple(files), image_bits(files, report)),
-            world_from_camera=tuple(poses[i] for i in range(len(files))) if whole else None,
+            world_from_camera=every,
             is_levelled=options.poses_convention != "first-camera-world",
             detections_path=options.detections_path,
             height_above_ground_m=found.height_above_ground_m,
             distortion=found.distortion,
-            partial_poses=None if whole or not poses else poses,
+            partial_poses=some,
         )
 
 
