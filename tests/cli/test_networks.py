@@ -94,3 +94,9 @@ def test_check_and_convert_take_class_names(tmp_path):
     assert 'no class "vehicel"' in error_of(meshslam(*given, "--classes", "vehicel=car"))
     assert "--tracked: coco does not use it" in error_of(meshslam(*given, "--tracked"))
     assert "--video: the file has no videos" in error_of(meshslam(*given, "--video", "a"))
+
+
+@pytest.mark.parametrize("flags", [("--classes", "vehicle=car"), ("--adapter", "net.yaml")])
+def test_coded_colours_take_neither_classes_nor_an_adapter(drive, tmp_path, flags):
+    result = meshslam("detect", drive, "--segmenter", "colour", "--out", tmp_path / "d.json", *flags)
+    assert "coded colours are read without a network: leave it out" in error_of(result)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from meshslam.errors import ModelError, SequenceError
+from meshslam.errors import ConfigError, ModelError, SequenceError
 from meshslam.geometry import Bytes
 from meshslam.maps import RunDirectory
 from meshslam.perception import (
@@ -89,6 +89,9 @@ def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet) -> Seg
     """The network of the configuration, or the reader of coded colours; what is assumed of a network is said."""
     renamed, adapter = renamings(config.input.category_names), config.input.adapter
     if by_colour(config):
+        if renamed or adapter is not None:
+            name = "adapter" if adapter is not None else "category_names"
+            raise ConfigError(f"input.{name}: coded colours are read without a network: leave it out")
         return ColourSegmenter(config.colour)
     try:
         model = find_model(config.input.segmenter)

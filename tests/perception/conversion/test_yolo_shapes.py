@@ -82,6 +82,7 @@ def test_poses_are_no_polygons_and_their_boxes_are_taken_if_asked_for(tmp_path, 
         from_yolo_txt(tmp_path, FRAMES)
     found = from_yolo_txt(tmp_path, FRAMES, shape="pose")
     check_boxes(found, shape, with_score, with_track)
+    assert sum("key points have no names" in note for note in found.warnings) == 1
 
 
 @pytest.mark.parametrize(("with_score", "with_track"), ENDS)

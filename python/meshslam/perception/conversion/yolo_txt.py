@@ -64,6 +64,8 @@ def _notes(folder: Path, found: Sequence[Found], ends: Ends, shape: Shape | None
         )
     if shape in ("boxes", "pose"):
         notes.append(f"{folder}: boxes are taken for masks ({len(found)}); outlines of cars need polygons")
+    if shape == "pose":
+        notes.append(f"{folder}: key points have no names in these files: they are left out")
     return notes
 
 
