@@ -30,6 +30,9 @@ def said(ros: Ros, recording: Sequence, repeat: int) -> Iterator[Said]:
     edges = [(BODY, OPTICAL, body_from_camera)]
     if recording.imu_from_camera is not None:
         edges.append((BODY, IMU_FRAME, body_from_camera @ recording.imu_from_camera.inverse()))
+    if recording.height_above_ground_m is not None:
+        lifted = np.array([0.0, 0.0, recording.height_above_ground_m - body_from_camera.translation[2]])
+        edges.append(("base_footprint", BODY, Pose(np.eye(3), lifted)))
     yield Said("/tf_static", _ns(recording.times_s[0]), ros.transforms(0, edges))
     raw, bent = recording.raw_camera, recording.distortion
     period_s = float(np.median(np.diff(recording.times_s)))
@@ -69,8 +72,11 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--repeat", type=int, default=1)
     parser.add_argument("--storage", default="SQLITE3", choices=["SQLITE3", "MCAP"])
+    parser.add_argument("--imu", type=Path, help="CSV of a recording without one")
+    parser.add_argument("--imu-from-camera", type=Path)
     given = parser.parse_args()
-    write(open_sequence(given.recording), given.out, given.repeat, given.storage)
+    recording = open_sequence(given.recording, imu=given.imu, imu_from_camera=given.imu_from_camera)
+    write(recording, given.out, given.repeat, given.storage)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,16 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation, Slerp
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Pose, cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
+from meshslam.geometry import (
+    Pose,
+    cross_matrix,
+    exp_so3,
+    hat,
+    log_so3,
+    nearest_rotation,
+    right_jacobian,
+    right_jacobian_inverse,
+)
 
 ANGLES = [0.0, 1e-14, 1e-9, 1e-6, 0.99e-4, 1.01e-4, 1e-3, 0.1, 1.0, 3.0, np.pi - 1e-4, np.pi - 1e-7, np.pi - 1e-10]
 PAIRS = list(zip(ANGLES, np.roll(ANGLES, 5), strict=True))
@@ -194,3 +203,10 @@ def test_what_is_not_finite_is_refused():
     ):
         with pytest.raises(GeometryError):
             call()
+
+
+def test_a_rotation_but_for_rounding_is_its_own_nearest(rng):
+    for matrix in Rotation.random(50, random_state=rng).as_matrix():
+        np.testing.assert_array_equal(nearest_rotation(matrix), matrix)
+        assert np.abs(nearest_rotation(matrix + 1e-9) - matrix).max() > 0
+        np.testing.assert_allclose(np.linalg.det(nearest_rotation(-matrix)), 1.0)

@@ -1,5 +1,6 @@
 import pickle
 import re
+import shutil
 from dataclasses import replace
 
 import cv2
@@ -9,8 +10,18 @@ from scipy.spatial.transform import Rotation
 
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose
-from meshslam.sequences import Distortion, ImuSamples, check_sequence, open_sequence, write_sequence_folder
+from meshslam.sequences import (
+    Distortion,
+    ImuSamples,
+    RecordingOptions,
+    camera_yaml,
+    check_sequence,
+    open_sequence,
+    open_with,
+    write_sequence_folder,
+)
 from tests.sequences.bag_writing import (
+    BODY,
     IMAGE,
     IMU,
     INFO,
@@ -195,6 +206,15 @@ def test_a_second_camera_must_be_chosen(ros, said, recorded, as_folder, tmp_path
         open_sequence(path, topics={"image": IMU})
     with pytest.raises(SequenceError, match=r"by --topic image=/…"):
         open_sequence(path, camera_number=1)
+
+
+@pytest.mark.parametrize(("height_m", "expected"), [(1.4, 1.4), (-0.2, None)])
+def test_the_height_is_that_over_base_footprint(height_m, expected, ros, said, recorded, tmp_path):
+    body_from_camera = recorded.camera_from_body.inverse()
+    lifted = Pose(np.eye(3), np.array([0.0, 0.0, height_m - body_from_camera.translation[2]]))
+    footprint = Said("/tf_static", START_NS, ros.transforms(0, [("base_footprint", BODY, lifted)]))
+    found = open_sequence(write_ros2(tmp_path / "bag", ros, [footprint, *said]))
+    assert found.height_above_ground_m == (None if expected is None else pytest.approx(expected, abs=1e-9))
 
 
 def test_of_two_topics_with_poses_none_is_guessed(ros, said, recorded, as_folder, tmp_path):
@@ -570,3 +590,43 @@ def test_lens_models_of_ros_are_read(ros, said, tmp_path):
     found = open_sequence(write2(tmp_path, said)).distortion
     assert (found.model, found.raw_camera.fx) == ("rational", CAMERA.fx)
     assert np.allclose(found.coefficients, bent)
+
+
+def no_reading(*_):
+    raise AssertionError("the bag is read through again")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_with_its_kept_index_a_bag_is_the_same_and_not_read_through(name, recorded, as_folder, tmp_path, monkeypatch):
+    path = WRITERS[name](tmp_path, lambda ros: said_of(ros, recorded))
+    first = open_sequence(path)
+    first.index.save(tmp_path / "kept.npz")
+    monkeypatch.setattr("meshslam.sequences.bags.index_file.build_index", no_reading)
+    found = open_with(path, RecordingOptions(kept_index=tmp_path / "kept.npz"))
+    expect_same(found, as_folder)
+    assert found.notes == first.notes
+    assert found.images.digests() == first.images.digests()
+
+
+def test_notes_and_refusals_of_a_kept_index_are_those_of_the_bag(ros, said, tmp_path):
+    path = write2(tmp_path, [s for s in said if s.topic != INFO])
+    with pytest.raises(SequenceError) as refused:
+        open_sequence(path)
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(camera_yaml(CAMERA))
+    open_with(path, RecordingOptions(camera_file=camera)).index.save(tmp_path / "kept.npz")
+    with pytest.raises(SequenceError, match=re.escape(str(refused.value))):
+        open_with(path, RecordingOptions(kept_index=tmp_path / "kept.npz"))
+
+
+def test_an_index_of_other_files_or_a_damaged_one_is_made_anew(ros, said, recorded, as_folder, tmp_path):
+    path, kept = write2(tmp_path, said), tmp_path / "kept.npz"
+    open_sequence(path).index.save(kept)
+    content = kept.read_bytes()
+    for damaged in (b"", content[:200], content[: len(content) // 2], b"PK\x03\x04" + content[4:-30] + bytes(30)):
+        kept.write_bytes(damaged)
+        expect_same(open_with(path, RecordingOptions(kept_index=kept)), as_folder)
+    kept.write_bytes(content)
+    shutil.rmtree(path)
+    write2(tmp_path, [s for s in said if s.topic != IMU])
+    assert open_with(path, RecordingOptions(kept_index=kept)).imu is None

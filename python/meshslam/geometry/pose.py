@@ -12,6 +12,7 @@ from meshslam.errors import GeometryError
 from meshslam.geometry.arrays import Floats
 from meshslam.geometry.lie import cross_matrix, exp_so3, log_so3, right_jacobian, right_jacobian_inverse
 
+_ROUNDING = 1e-14  # by which products of a rotation's numbers may be off
 QuaternionOrder = Literal["xyzw", "wxyz"]  # where the real part w stands
 
 
@@ -188,11 +189,15 @@ class Pose:
 def nearest_rotation(matrix: Floats) -> Floats:
     """Return the rotation (3, 3) nearest to a matrix (3, 3) in the Frobenius norm (Kabsch 1976).
 
+    A matrix that is a rotation but for rounding is returned as it is, so that what is written and read stays the same.
+
     >>> nearest_rotation(np.diag([2.0, 3.0, 4.0]))
     array([[1., 0., 0.],
            [0., 1., 0.],
            [0., 0., 1.]])
     """
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() < _ROUNDING and np.linalg.det(matrix) > 0:
+        return np.array(matrix, float)
     u, _, vt = np.linalg.svd(matrix)
     nearest: Floats = u @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))]) @ vt
     return nearest

@@ -7,11 +7,12 @@ from meshslam.maps.gltf import object_colour, save_glb, to_glb
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import PlyMesh, format_ply
-from meshslam.maps.run_directory import FRAMES, RunDirectory
+from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
 from meshslam.maps.trajectory import Trajectory
 
 __all__ = [
     "FRAMES",
+    "INDEX",
     "CameraPath",
     "Map",
     "MapObject",

@@ -14,6 +14,7 @@ from meshslam.maps.map import Map
 
 CONFIG = "config.yaml"
 FRAMES = ".meshslam-frames"  # detections of frames, while a run is under way
+INDEX = ".meshslam-index.npz"  # of a bag: where its messages lie
 MARK = "# meshslam run, version "
 TRUTH = "truth"
 
@@ -74,7 +75,7 @@ class RunDirectory:
         """Make the folder of a run; MapError if it is somebody else's, which stays as it is."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            others = [p.name for p in folder.iterdir() if not p.name.endswith((LEFTOVER_SUFFIX, LOCK, FRAMES))]
+            others = [p.name for p in folder.iterdir() if not p.name.endswith((LEFTOVER_SUFFIX, LOCK, FRAMES, INDEX))]
         except OSError as error:
             raise MapError(f"{folder}: cannot be used as a run directory: {error.strerror}") from None
         if others and RunDirectory(folder)._config() is None:

@@ -10,11 +10,15 @@ from meshslam.runs.config import InputConfig
 from meshslam.sequences import RecordingOptions, Sequence, open_with, read_selection, read_size, read_topics
 
 
-def open_input(chosen: InputConfig, *, use_imu: bool = True) -> Sequence:
-    """Open the recording that a run reads; without `use_imu` a sequence folder's IMU is not read."""
+def open_input(chosen: InputConfig, *, use_imu: bool = True, kept_index: Path | None = None) -> Sequence:
+    """Open the recording that a run reads; without `use_imu` a sequence folder's IMU is not read.
+
+    `kept_index` is where an earlier run may have left the index of a long recording.
+    """
     if not chosen.sequence:
         raise SequenceError("no recording is named: give its folder or file, or input.sequence in the configuration")
-    return open_with(Path(chosen.sequence), recording_options(chosen, use_imu=use_imu))
+    options = replace(recording_options(chosen, use_imu=use_imu), kept_index=kept_index)
+    return open_with(Path(chosen.sequence), options)
 
 
 def recording_options(chosen: InputConfig, *, use_imu: bool = True) -> RecordingOptions:

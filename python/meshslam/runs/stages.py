@@ -21,7 +21,7 @@ from meshslam.features import correct_rotations
 from meshslam.files import LOCK, locked, remove_leftovers
 from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
-from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
+from meshslam.maps import INDEX, CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.config import Config
 from meshslam.runs.inputs import input_digests
@@ -64,7 +64,8 @@ class Begun:
 @contextmanager
 def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> Iterator[Begun]:
     """Open recording and run directory for the block; MapError if another run, or another process, has the folder."""
-    recording = open_input(settings.input, use_imu=command != "map")
+    kept = out / INDEX
+    recording = open_input(settings.input, use_imu=command != "map", kept_index=kept)
     inputs = input_digests(command, recording, settings)
     RunDirectory.claim(out)
     with locked(out / LOCK, str(out)):
@@ -72,6 +73,8 @@ def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrit
             out, to_yaml(settings, command), version("meshslam"), inputs=inputs, overwrite=overwrite
         )
         try:
+            if recording.index is not None:
+                recording.index.save(kept)
             yield Begun(recording, run, _figures_there(recording, run, outlet) if run.is_complete else None)
         finally:
             remove_leftovers(out)

@@ -94,7 +94,7 @@ def _poses_tum(times_s: Floats, poses: Mapping[int, Pose] | None) -> str | None:
 
 
 def _matrix(pose: Pose) -> list[list[float]]:
-    rows: list[list[float]] = (np.round(pose.matrix, 9) + 0.0).tolist()
+    rows: list[list[float]] = (pose.matrix + 0.0).tolist()  # no -0.0; all digits, so that a copy is the same
     return rows
 
 
@@ -104,7 +104,7 @@ def _dump(content: dict[str, Any]) -> str:
 
 def _imu_csv(imu: ImuSamples) -> str:
     rows = np.column_stack([imu.times_s, imu.angular_rate_rad_s, imu.specific_force_m_s2])
-    lines = [",".join(IMU_COLUMNS)] + [",".join(f"{x:.9f}" for x in row) for row in rows]
+    lines = [",".join(IMU_COLUMNS)] + [",".join(map(repr, row)) for row in rows.tolist()]
     return "\n".join(lines) + "\n"
 
 

@@ -28,6 +28,7 @@ class LoadOptions:
     rate_hz: float | None = None  # of frames without times
     scene: str | None = None  # of recordings of several: which one
     topics: Mapping[str, str] = field(default_factory=dict)  # of bags: which topic is the image, the IMU, …
+    kept_index: Path | None = None  # of bags: where an earlier index may lie
 
     def world_from_camera(self, poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
         """Poses of a file, as it means them."""

@@ -38,6 +38,7 @@ class RecordingOptions:
     topics: Mapping[str, str] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
     use_imu: bool = True
+    kept_index: Path | None = None  # a file that Sequence.index.save wrote, or that is not there yet
 
 
 def opened(loader: Loader, path: Path, given: RecordingOptions, report: Report) -> Sequence:
@@ -69,6 +70,7 @@ def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOpt
         rate_hz=given.rate_hz,
         scene=given.scene,
         topics=given.topics,
+        kept_index=given.kept_index,
     )
 
 

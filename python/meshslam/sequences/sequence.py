@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 from meshslam.errors import SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
@@ -49,6 +50,13 @@ class InitialState:
     velocity_in_world: Floats  # (3,), m/s, of the camera
 
 
+class RecordingIndex(Protocol):
+    """What was found by reading a recording through."""
+
+    def save(self, path: Path) -> None:
+        """Write it, so that `kept_index` need not read the recording through again; MapError if the disk is full."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sequence:
     """Frames of one pinhole camera.
@@ -74,6 +82,7 @@ class Sequence:
     partial_poses: Mapping[int, Pose] | None = None  # world_from_camera by index, where only some frames have one
     left_out_frames: frozenset[int] = frozenset()  # numbers of frames that the recording has, but not this part of it
     notes: tuple[str, ...] = ()  # what reading found and could handle
+    index: RecordingIndex | None = None  # where things lie in files that are long to read through
 
     def __post_init__(self) -> None:
         for what in ("times_s", "images", "world_from_camera"):

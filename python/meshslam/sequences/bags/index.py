@@ -33,6 +33,7 @@ class Topic:
     positions: list[Position] = field(default_factory=list)  # of images
     values: array[float] = field(default_factory=lambda: array("d"))  # wx wy wz ax ay az, or x y z qx qy qz qw
     camera: Any = None  # the first calibration
+    camera_data: bytes = b""  # the message that it came in
     changes: int = 0  # of the calibration
 
     @property
@@ -148,7 +149,7 @@ def _imu(index: BagIndex, topic: Topic, message: Any, raw: RawMessage) -> bool: 
 def _camera(index: BagIndex, topic: Topic, message: Any, raw: RawMessage) -> bool:  # noqa: ANN401 # by the schema
     topic.frame = topic.frame or frame_of(message)
     if topic.camera is None:
-        topic.camera = message
+        topic.camera, topic.camera_data = message, raw.data
     else:
         topic.changes += any(_differs(topic.camera, message, name) for name in ("width", "height", "k", "d", "p"))
     return True

@@ -14,7 +14,8 @@ from meshslam.files import real_path
 from meshslam.geometry import Floats, Pose
 from meshslam.sequences.bags.camera import camera_of_info
 from meshslam.sequences.bags.images import BagImages
-from meshslam.sequences.bags.index import BagIndex, Topic, build_index
+from meshslam.sequences.bags.index import BagIndex, Topic
+from meshslam.sequences.bags.index_file import indexed
 from meshslam.sequences.bags.mcap_files import MAGIC as MCAP_MAGIC
 from meshslam.sequences.bags.mcap_files import McapFiles
 from meshslam.sequences.bags.rosbag1 import MAGIC as ROS1_MAGIC
@@ -32,6 +33,7 @@ from meshslam.sequences.sequence import ImuSamples, Sequence
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _RECTIFIED = re.compile(r"(/|_)rect(ified)?(_|/|$)")  # in a topic's name: image_rect_color
+_ON_THE_GROUND = "base_footprint"
 _WORLDS = ("map", "odom", "world", "earth")  # frames that stand still (REP 105)
 _ACCEPTS = frozenset({"topics", "camera_file", "conventions", "size"})
 
@@ -116,7 +118,8 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
         raise SequenceError(
             f"{path}: a bag's cameras have no numbers: choose by --topic image=/… instead of --camera N"
         )
-    index = build_index(store, report)
+    kept = indexed(store, options.kept_index, report)
+    index = kept.index
     topic = image_topic(index, options.topics, report)
     times_ns, order = _times_ns(path, topic, report)
     positions = tuple(topic.positions[i] for i in order)
@@ -126,6 +129,7 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
     camera = _camera(index, topic, images, options, report)
     imu, imu_from_camera = _imu(index, topic, times_s, options, report) if options.has_own_imu else (None, None)
     poses = _poses(index, topic, times_s, options, report) if options.has_own_poses else {}
+    height_m = camera.height_above_ground_m or _height_m(index, topic, report)
     every, some = all_or_some(poses, len(times_s))
     return Sequence(
         name=real_path(path).name.removesuffix(path.suffix),
@@ -140,9 +144,10 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
         detections_path=options.detections_path,
         imu=imu,
         imu_from_camera=imu_from_camera or camera.imu_from_camera,
-        height_above_ground_m=camera.height_above_ground_m,
+        height_above_ground_m=height_m,
         distortion=camera.distortion,
         partial_poses=some,
+        index=kept,
     )
 
 
@@ -208,6 +213,17 @@ def _imu(
         what = f"{frames}, so that imu_from_camera is not known: localize and slam need --imu-from-camera FILE"
         report.note(index.path, topic.name, what)
     return imu, mounted
+
+
+def _height_m(index: BagIndex, image: Topic, report: Report) -> float | None:
+    """Of the camera over base_footprint, which lies on the ground (REP 105, REP 120)."""
+    for frame in sorted({frame for pair in index.edges for frame in pair}):
+        mounted = fixed_transform(index, frame, image.frame) if frame.rpartition("/")[2] == _ON_THE_GROUND else None
+        if mounted is not None and mounted.translation[2] > 0:
+            height_m = float(mounted.translation[2])
+            report.note(index.path, image.name, f"the camera is {height_m:.3f} m above the ground, by {frame}")
+            return height_m
+    return None
 
 
 def _poses(index: BagIndex, image: Topic, times_s: Floats, options: LoadOptions, report: Report) -> dict[int, Pose]:
