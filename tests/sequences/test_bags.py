@@ -630,3 +630,22 @@ def test_an_index_of_other_files_or_a_damaged_one_is_made_anew(ros, said, record
     shutil.rmtree(path)
     write2(tmp_path, [s for s in said if s.topic != IMU])
     assert open_with(path, RecordingOptions(kept_index=kept)).imu is None
+
+
+@pytest.mark.parametrize("name", ["ros2-sqlite", "mcap-ros2", "mcap-bare"])
+def test_progress_of_reading_a_bag_rises_to_its_end(name, recorded, tmp_path, monkeypatch):
+    monkeypatch.setattr("meshslam.sequences.report._QUICK_S", 0.0)
+    monkeypatch.setattr("meshslam.sequences.bags.index._COUNTED", 1)
+    path, told = WRITERS[name](tmp_path, lambda ros: said_of(ros, recorded)), []
+    open_with(path, RecordingOptions(progress=lambda *said: told.append(said)))
+    done = [share for _, share, _ in told]
+    assert done == sorted(done)
+    assert {(step, total) for step, _, total in told} == {("bag's index", 100)}
+    assert done[0] <= 20
+    assert 80 <= done[-1] <= 100
+
+
+def test_what_is_quick_shows_no_progress(said, tmp_path):
+    told = []
+    open_with(write2(tmp_path, said), RecordingOptions(progress=lambda *said: told.append(said)))
+    assert told == []

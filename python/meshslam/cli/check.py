@@ -27,6 +27,7 @@ def check(
 
     Example: meshslam check 2011_09_26/2011_09_26_drive_0048_sync
     """
+    from meshslam.cli.progress import progress_bars
     from meshslam.runs import InputConfig, check_recording, overlaid
 
     given = {
@@ -38,7 +39,8 @@ def check(
     values = {
         key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value is not None
     }
-    found = check_recording(overlaid(InputConfig(), values, "flags"))
+    with progress_bars() as bars:
+        found = check_recording(overlaid(InputConfig(), values, "flags"), bars)
     problems = [finding for finding in found if finding.severity == "error"]
     if json:
         rows = [{"severity": f.severity, "code": f.code, "message": f.message, "figures": f.figures} for f in found]

@@ -114,11 +114,13 @@ class _Told:
 
 
 def _opened(path: Path, recording: dict[str, Any]) -> Sequence:
+    from meshslam.cli.progress import progress_bars
     from meshslam.runs import InputConfig, open_input, overlaid
 
     given = {"sequence": path, **recording}
     values = {key: str(value) if isinstance(value, Path) else value for key, value in given.items()}
-    return open_input(overlaid(InputConfig(), values, "flags"))
+    with progress_bars() as bars:
+        return open_input(overlaid(InputConfig(), values, "flags"), progress=bars)
 
 
 def _convert_detections(source: Source, path: Path, recording: Sequence, out: Path, told: _Told) -> None:

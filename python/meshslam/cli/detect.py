@@ -47,8 +47,8 @@ def detect(
         settings, sequence=sequence, segmenter=segmenter, adapter=adapter, category_names=classes, **recording
     )
     settings = with_keypoint_network(settings, keypoints)
-    recording = open_input(settings.input)
     with run_outlet() as outlet:
+        recording = open_input(settings.input, progress=outlet.progress)
         found = with_keypoints(recording, segment_frames(recording, settings, outlet), settings, outlet)
     out.parent.mkdir(parents=True, exist_ok=True)
     found = replace(found, undistorted=recording.distortion is not None)

@@ -31,17 +31,17 @@ from meshslam.runs.checking import detection_problems
 from meshslam.runs.config import InputConfig
 from meshslam.runs.opening import recording_options
 from meshslam.runs.outlet import Outlet
-from meshslam.sequences import Sequence, inspect_sequence
+from meshslam.sequences import Progress, Sequence, inspect_sequence, no_progress
 
 HEIGHT_M = {"car": 1.5, "truck": 2.8, "bus": 3.0}  # of usual ones
 
 
-def check_recording(chosen: InputConfig) -> list[Finding]:
+def check_recording(chosen: InputConfig, progress: Progress = no_progress) -> list[Finding]:
     """Every problem of a recording, in form and in plausibility, and what reading could handle; runs stop at errors.
 
     Nothing is estimated, but every image is decoded.
     """
-    recording, problems = inspect_sequence(Path(chosen.sequence), recording_options(chosen))
+    recording, problems = inspect_sequence(Path(chosen.sequence), replace(recording_options(chosen), progress=progress))
     given = None if chosen.detections is None else Path(chosen.detections)
     problems = [*problems, *detection_problems(Path(chosen.sequence), given, recording, chosen.category_names)]
     found = [Finding("input", str(p), "error" if p.severity == "problem" else "note") for p in problems]

@@ -7,17 +7,28 @@ from pathlib import Path
 
 from meshslam.errors import SequenceError
 from meshslam.runs.config import InputConfig
-from meshslam.sequences import RecordingOptions, Sequence, open_with, read_selection, read_size, read_topics
+from meshslam.sequences import (
+    Progress,
+    RecordingOptions,
+    Sequence,
+    no_progress,
+    open_with,
+    read_selection,
+    read_size,
+    read_topics,
+)
 
 
-def open_input(chosen: InputConfig, *, use_imu: bool = True, kept_index: Path | None = None) -> Sequence:
+def open_input(
+    chosen: InputConfig, *, use_imu: bool = True, kept_index: Path | None = None, progress: Progress = no_progress
+) -> Sequence:
     """Open the recording that a run reads; without `use_imu` a sequence folder's IMU is not read.
 
     `kept_index` is where an earlier run may have left the index of a long recording.
     """
     if not chosen.sequence:
         raise SequenceError("no recording is named: give its folder or file, or input.sequence in the configuration")
-    options = replace(recording_options(chosen, use_imu=use_imu), kept_index=kept_index)
+    options = replace(recording_options(chosen, use_imu=use_imu), kept_index=kept_index, progress=progress)
     return open_with(Path(chosen.sequence), options)
 
 

@@ -65,7 +65,7 @@ class Begun:
 def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> Iterator[Begun]:
     """Open recording and run directory for the block; MapError if another run, or another process, has the folder."""
     kept = out / INDEX
-    recording = open_input(settings.input, use_imu=command != "map", kept_index=kept)
+    recording = open_input(settings.input, use_imu=command != "map", kept_index=kept, progress=outlet.progress)
     inputs = input_digests(command, recording, settings)
     RunDirectory.claim(out)
     with locked(out / LOCK, str(out)):

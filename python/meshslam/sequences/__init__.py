@@ -14,7 +14,7 @@ from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.opening import RecordingOptions
 from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with
-from meshslam.sequences.report import Problem, Report
+from meshslam.sequences.report import Problem, Progress, Report, no_progress
 from meshslam.sequences.selection import TOPICS, read_seconds, read_selection, read_size, read_topics
 from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
 from meshslam.sequences.text import LARGEST, parsed_yaml
@@ -38,6 +38,7 @@ __all__ = [
     "LoadOptions",
     "Loader",
     "Problem",
+    "Progress",
     "RecordingOptions",
     "Report",
     "Sequence",
@@ -48,6 +49,7 @@ __all__ = [
     "format_tum",
     "in_convention",
     "inspect_sequence",
+    "no_progress",
     "open_sequence",
     "open_with",
     "parsed_yaml",

@@ -11,7 +11,7 @@ from meshslam.errors import SequenceError
 from meshslam.sequences.image_source import ImageFiles, ImageSource
 from meshslam.sequences.opening import RecordingOptions, load_options, opened
 from meshslam.sequences.registry import find_loader
-from meshslam.sequences.report import Problem, Report
+from meshslam.sequences.report import Problem, Report, late
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
 LOWEST_IMU_RATE_HZ = 50.0  # below, preintegration between frames of 10 Hz has too few samples to work on
@@ -34,7 +34,7 @@ def check_sequence(
 
 def inspect_sequence(path: Path, given: RecordingOptions) -> tuple[Sequence | None, list[Problem]]:
     """The recording, if anything can be made of it, and the problems and notes of `check_sequence`."""
-    report, sequence = Report(collect=True), None
+    report, sequence = Report(collect=True, progress=given.progress), None
     try:
         loader = find_loader(path, given.layout)
         sequence = report.attempt(lambda: opened(loader, path, given, report))
@@ -47,8 +47,10 @@ def inspect_sequence(path: Path, given: RecordingOptions) -> tuple[Sequence | No
         images = ImageFiles(tuple(files)) if files else None
     size = None if sequence is None else (sequence.raw_camera.width, sequence.raw_camera.height)
     if images is not None:
+        progress = late(given.progress)
         for index in range(len(images)):
             report.attempt(partial(images.read, index, size))
+            progress("images", index + 1, len(images))
     if sequence is not None:
         _check_imu(sequence, report)
     return sequence, report.problems

@@ -12,7 +12,7 @@ from meshslam.sequences.conventions import CONVENTIONS, Convention
 from meshslam.sequences.imu_files import read_camera_from_body, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
 from meshslam.sequences.pose_files import with_poses
-from meshslam.sequences.report import Report
+from meshslam.sequences.report import Progress, Report, no_progress
 from meshslam.sequences.selection import Selection, selected
 from meshslam.sequences.sequence import Sequence
 
@@ -39,6 +39,7 @@ class RecordingOptions:
     selection: Selection = field(default_factory=Selection)
     use_imu: bool = True
     kept_index: Path | None = None  # a file that Sequence.index.save wrote, or that is not there yet
+    progress: Progress = no_progress  # of what takes long
 
 
 def opened(loader: Loader, path: Path, given: RecordingOptions, report: Report) -> Sequence:

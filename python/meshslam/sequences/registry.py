@@ -114,7 +114,7 @@ def open_sequence(
 
 def open_with(path: Path, given: RecordingOptions) -> Sequence:
     """`open_sequence` with everything that was chosen in one; SequenceError as there."""
-    report = Report()
+    report = Report(progress=given.progress)
     found = opened(find_loader(path, given.layout), path, given, report)
     return replace(found, notes=(*report.notes, *found.notes))
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Literal, TypeVar
 
 from meshslam.errors import SequenceError
 
 Result = TypeVar("Result")
+_QUICK_S = 1.0
 LONGEST = 280  # characters of what is said of a file
+Progress = Callable[[str, int, int], None]  # step, how many are done, of how many
 Severity = Literal["problem", "note"]
 
 
@@ -40,10 +43,24 @@ class IncompleteError(SequenceError):
     """Nothing can be made of a part whose problems are reported already."""
 
 
-class Report:
-    """Handed to every reader: `add` raises at once, or collects where the caller wants all problems."""
+def no_progress(_step: str, _done: int, _total: int) -> None:
+    """For callers that need not know."""
 
-    def __init__(self, *, collect: bool = False) -> None:
+
+def late(progress: Progress) -> Progress:
+    """Nothing until a second has passed: what is quick needs no bar."""
+    begun = monotonic()
+    return lambda step, done, total: progress(step, done, total) if monotonic() - begun > _QUICK_S else None
+
+
+class Report:
+    """Handed to every reader: `add` raises at once, or collects where the caller wants all problems.
+
+    `progress` is told what takes long.
+    """
+
+    def __init__(self, *, collect: bool = False, progress: Progress = no_progress) -> None:
+        self.progress = progress
         self._collect = collect
         self._problems: dict[Problem, None] = {}
 

@@ -14,7 +14,10 @@ from meshslam.geometry import Floats
 from meshslam.sequences.bags.decoding import decoded, frame_of, stamp_ns
 from meshslam.sequences.bags.kinds import KINDS, Kind
 from meshslam.sequences.bags.store import Channel, Position, RawMessage, Store
-from meshslam.sequences.report import FoundError, Report, fail
+from meshslam.sequences.report import FoundError, Report, fail, late
+
+_COUNTED = 50  # messages between two words of progress
+_PERCENT = 100
 
 
 @dataclass
@@ -90,7 +93,10 @@ class BagIndex:
 def build_index(store: Store, report: Report) -> BagIndex:
     """Read a bag once; FoundError where it holds no message, notes for what cannot be read."""
     index, told = BagIndex(store.path), len(report.notes)
+    size, progress = max(store.size, 1), late(report.progress)
     for raw in store.messages(report):
+        if not index.count % _COUNTED:
+            progress("bag's index", round(_PERCENT * store.read_until(raw.position) / size), _PERCENT)
         topic = index.topics.get(raw.channel.topic)
         if topic is None or topic.channel.type_name != raw.channel.type_name:
             topic = _new_topic(index, raw.channel)

@@ -36,6 +36,15 @@ class McapFiles:
     packed: str = ""  # the compression of each message, beyond that of the chunks
     _last: tuple[tuple[int, int], bytes] = field(default=((-1, -1), b""), repr=False)  # the chunk that was read last
 
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return sum(file.stat().st_size for file in self.files)
+
+    def read_until(self, position: Position) -> int:
+        """Bytes before it."""
+        return sum(file.stat().st_size for file in self.files[: position.file]) + position.record
+
     def messages(self, report: Report) -> Iterator[RawMessage]:
         """See Store."""
         for number, path in enumerate(self.files):

@@ -30,6 +30,15 @@ class Ros1Bag:
         """See Store."""
         return (self.path,)
 
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self.path.stat().st_size
+
+    def read_until(self, position: Position) -> int:
+        """Bytes before it."""
+        return position.record
+
     def messages(self, report: Report) -> Iterator[RawMessage]:
         """See Store."""
         channels: dict[int, Channel] = {}

@@ -74,6 +74,15 @@ class SqliteBag:
     files: tuple[Path, ...]
     packed: str = ""
 
+    @property
+    def size(self) -> int:
+        """Rows, as far as they are counted without a pass over them: messages are numbered one by one."""
+        return sum(_last_row(file) for file in self.files)
+
+    def read_until(self, position: Position) -> int:
+        """Rows before it."""
+        return sum(_last_row(file) for file in self.files[: position.file]) + position.record
+
     def messages(self, report: Report) -> Iterator[RawMessage]:
         """See Store."""
         for number, file in enumerate(self.files):
@@ -110,6 +119,14 @@ class SqliteBag:
         if found is None:
             raise fail(file, where, "the message is gone: has the bag changed?")
         return unpacked(file, where, self.packed, bytes(found[0]))
+
+
+def _last_row(file: Path) -> int:
+    try:
+        with _connection(file) as connection:
+            return int(connection.execute("SELECT max(id) FROM messages").fetchone()[0] or 0)
+    except (sqlite3.Error, TypeError):
+        return 0
 
 
 class _connection:  # noqa: N801 # used as a function

@@ -53,6 +53,13 @@ class Store(Protocol):
     def files(self) -> tuple[Path, ...]:
         """All files that hold messages."""
 
+    @property
+    def size(self) -> int:
+        """Of all files, in the unit of `read_until`."""
+
+    def read_until(self, position: Position) -> int:
+        """How much lies before a message, for progress."""
+
     def messages(self, report: Report) -> Iterator[RawMessage]:
         """All messages in the order of the files; a cut or damaged end is noted, and what is before it is given."""
 
