@@ -296,7 +296,7 @@ def main() -> int:
     for name in given.only:
         path, flags = LAYOUTS[name](drive, given.out / name)
         checked, found = meshslam("check", path, *flags, "--json")
-        problems = json.loads(found)["problems"] if found.startswith("{") else found
+        problems = json.JSONDecoder().raw_decode(found)[0]["problems"] if found.startswith("{") else found
         run = given.out / f"run_{name}"
         code, said = meshslam("map", path, *flags, "--segmenter", given.segmenter, "--out", run)
         if code:
