@@ -5,8 +5,12 @@ import pytest
 
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, exp_so3
+from meshslam.graph import StartConfig
+from meshslam.initialization import FirstFrames, settled
 from meshslam.initialization.box_start import standing_rate
+from meshslam.initialization.config import UnknownStartConfig
 from meshslam.initialization.world_alignment import level_from_world, world_from_levelled
+from meshslam.motion import NavState
 from meshslam.sequences import ImuSamples
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m, localized, slammed
 
@@ -79,3 +83,54 @@ def test_a_gyroscope_that_stands_still_shows_its_bias():
     assert np.allclose(standing_rate(still, times), bias, atol=5e-4)
     driving = dataclasses.replace(still, specific_force_m_s2=still.specific_force_m_s2 + rng.normal(0, 0.5, (200, 3)))
     assert np.allclose(standing_rate(driving, times), 0)
+
+
+class _Still:
+    """An estimator whose first state is moved by a share of what is left, each time that it is run."""
+
+    def __init__(self, truth_m_s, share):
+        self.truth_m_s, self.share, self.frames = truth_m_s, share, []
+
+    def begin(self, frame, state, imu, detections):
+        self.state = state
+        self.frames.append(frame)
+        return frame
+
+    def process(self, frame, time_s, imu, detections):
+        self.frames.append(frame)
+        return frame
+
+    def first_state(self):
+        velocity = self.state.velocity_in_world
+        moved = velocity + self.share * (np.array([self.truth_m_s, 0.0, 0.0]) - velocity)
+        return dataclasses.replace(self.state, velocity_in_world=moved)
+
+
+@pytest.mark.parametrize(("share", "rounds"), [(1.0, 2), (0.5, 4), (0.0, 1)])
+def test_rounds_end_when_the_start_moves_by_a_tenth_of_its_sigma_and_the_last_run_is_kept(share, rounds):
+    made = []
+
+    def fresh():
+        made.append(_Still(10.0, share))
+        return made[-1]
+
+    frames = FirstFrames(None, tuple(range(50)), np.arange(50) * 0.1, None, "made up")
+    zero = np.zeros(3)
+    begun = NavState(0.0, Pose.identity(), np.array([9.0, 0.0, 0.0]), zero, zero)
+    start, config = StartConfig(velocity_sigma_m_s=1.0), UnknownStartConfig(max_settling_rounds=8)
+    found = settled(frames, None, {}, begun, fresh, start, config, 10.0)
+    assert len(made) == rounds
+    assert found.estimator is made[-1]
+    assert list(found.reports) == made[-1].frames
+    assert len(made[-1].frames) == 31
+    assert abs(found.state.velocity_in_world[0] - 10.0) <= (0.1 if share else 1.0)
+
+
+def test_a_start_that_does_not_settle_leaves_no_run():
+    frames = FirstFrames(None, tuple(range(50)), np.arange(50) * 0.1, None, "made up")
+    zero = np.zeros(3)
+    begun = NavState(0.0, Pose.identity(), np.array([0.0, 0.0, 0.0]), zero, zero)
+    start, config = StartConfig(velocity_sigma_m_s=1.0), UnknownStartConfig(max_settling_rounds=2)
+    found = settled(frames, None, {}, begun, lambda: _Still(10.0, 0.3), start, config, 10.0)
+    assert found.estimator is None
+    assert found.state.velocity_in_world[0] == pytest.approx(5.1)

@@ -4,7 +4,7 @@ from meshslam.initialization.box_start import RoughStart, rough_start, rough_sta
 from meshslam.initialization.config import EstimationConfig, UnknownStartConfig
 from meshslam.initialization.first_frames import FirstFrames
 from meshslam.initialization.gravity_alignment import AlignmentConfig
-from meshslam.initialization.settling import Estimator, settled, settling_seconds, unknown_start
+from meshslam.initialization.settling import Estimator, Settled, settled, settling_seconds, unknown_start
 from meshslam.initialization.world_alignment import (
     Path,
     level_from_world,
@@ -21,6 +21,7 @@ __all__ = [
     "FirstFrames",
     "Path",
     "RoughStart",
+    "Settled",
     "UnknownStartConfig",
     "level_from_world",
     "moved_map",

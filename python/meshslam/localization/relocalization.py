@@ -87,7 +87,8 @@ def start_in_map(
     start = replace(start, position_sigma_m=_PLACE_SIGMA_M, heading_sigma_deg=start.rotation_sigma_deg)
     estimation = replace(estimation, start=start)
     by_frame, lag_s = given.detections_of_frame, estimation.smoother.lag_s
-    return settled(first, imu, by_frame, state, lambda: fresh(estimation), unknown, lag_s, progress), estimation
+    reached = settled(first, imu, by_frame, state, lambda: fresh(estimation), start, unknown, lag_s, progress)
+    return reached.state, estimation
 
 
 def _heights(objects: Rows[KnownObject]) -> dict[str, float]:

@@ -435,15 +435,19 @@ class Slam:
 
     def _begin(self, progress: Progress | None = None) -> SlamState:
         """Find the first state, and go through the frames that waited for it."""
-        self.first_state, self._setup = self._first_seconds().start(
+        start = self._first_seconds().start(
             lambda setup: SlamEstimator(setup, self._motion(), self._image_features), progress
         )
-        self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
-        first, *rest = self._waiting
-        self._waiting = []
-        report = self._estimator.begin(first.number, self.first_state, self._samples(), first.detections)
-        reached = self._reported(first, report)
-        for frame in rest:
+        self.first_state, self._setup = start.state, start.setup
+        frames, self._waiting = self._waiting, []
+        self._estimator, reports = start.estimator, start.reports
+        if self._estimator is None:
+            self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
+            first = frames[0]
+            reports = (self._estimator.begin(first.number, start.state, self._samples(), first.detections),)
+        for frame, report in zip(frames, reports, strict=False):
+            reached = self._reported(frame, report)
+        for frame in frames[len(reports) :]:
             reached = self._step(frame)
         return reached
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from meshslam.features import ImageFeatures
 from meshslam.geometry import Floats, Pose
 from meshslam.initialization import (
-    Estimator,
     FirstFrames,
     RoughStart,
     rough_start,
@@ -20,6 +20,7 @@ from meshslam.initialization import (
     unknown_start,
 )
 from meshslam.motion import NavState, first_velocity, rate_at, state_of_camera
+from meshslam.object_slam.estimator import SlamEstimator, SlamReport
 from meshslam.object_slam.setup import SlamSetup
 from meshslam.perception import Detection
 from meshslam.sequences import ImuSamples, InitialState
@@ -35,6 +36,16 @@ class StreamFrame:
     number: int
     time_s: float
     detections: tuple[Detection, ...]  # with tracks
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The first state and the setup to begin with it; where it was searched, the run that found it."""
+
+    state: NavState
+    setup: SlamSetup
+    estimator: SlamEstimator | None = None
+    reports: tuple[SlamReport, ...] = ()  # of its frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,23 +77,23 @@ class FirstSeconds:
 
     def start(
         self,
-        fresh: Callable[[SlamSetup], Estimator],
+        fresh: Callable[[SlamSetup], SlamEstimator],
         progress: Callable[[str, int, int], None] | None = None,
-    ) -> tuple[NavState, SlamSetup]:
+    ) -> Start:
         """The first state, and the setup to begin with it; SequenceError where the frames do not tell."""
         first_s = self.frames[0].time_s
         if self.odometry:
             velocity, zero = first_velocity(self._times_s(), tuple(self.odometry)), np.zeros(3)
-            return NavState(first_s, self.odometry[0], velocity, zero, zero), self.setup
+            return Start(NavState(first_s, self.odometry[0], velocity, zero, zero), self.setup)
         if self.given is not None and self.has_imu:
             pose, velocity = self.given.world_from_camera, self.given.velocity_in_world
             mounted = self.setup.mounting.imu_from_camera
-            return state_of_camera(first_s, pose, velocity, rate_at(self.imu, first_s), mounted), self.setup
+            return Start(state_of_camera(first_s, pose, velocity, rate_at(self.imu, first_s), mounted), self.setup)
         return self._found(fresh, progress)
 
     def _found(
-        self, fresh: Callable[[SlamSetup], Estimator], progress: Callable[[str, int, int], None] | None
-    ) -> tuple[NavState, SlamSetup]:
+        self, fresh: Callable[[SlamSetup], SlamEstimator], progress: Callable[[str, int, int], None] | None
+    ) -> Start:
         """The state that gravity, the objects' boxes and the first seconds' SLAM tell."""
         estimation = self.setup.estimation
         rough = self._rough()
@@ -91,8 +102,9 @@ class FirstSeconds:
         setup = replace(self.setup, estimation=replace(estimation, start=start))
         by_frame: Mapping[int, tuple[Detection, ...]] = {f.number: f.detections for f in self.frames}
         lag_s, config = setup.slam.lag_s, estimation.unknown_start
-        state = settled(self._first(), self.imu, by_frame, rough.state, lambda: fresh(setup), config, lag_s, progress)
-        return state, setup
+        first, begun = self._first(), partial(fresh, setup)
+        found = settled(first, self.imu, by_frame, rough.state, begun, start, config, lag_s, progress)
+        return Start(found.state, setup, found.estimator, found.reports)
 
     def _rough(self) -> RoughStart:
         setup, category = self.setup, self.setup.category
