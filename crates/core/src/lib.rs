@@ -20,6 +20,7 @@ pub mod silhouette;
 mod simd;
 pub mod solve;
 pub mod template;
+pub mod tracks;
 pub mod view;
 pub mod visible;
 pub mod voxel;

@@ -7,6 +7,7 @@ mod named;
 mod object;
 mod problem;
 mod raster;
+mod tracks;
 mod view;
 
 use pyo3::prelude::*;
@@ -25,6 +26,8 @@ mod _core {
     use super::problem::{ObjectState, Problem};
     #[pymodule_export]
     use super::raster::{coverage, outline, rasterize};
+    #[pymodule_export]
+    use super::tracks::TrackedPoints;
     #[pymodule_export]
     use super::view::View;
 }

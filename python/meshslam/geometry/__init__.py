@@ -33,6 +33,7 @@ from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
 from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
 from meshslam.geometry.robust import geman_mcclure, geman_mcclure_soft
 from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
+from meshslam.geometry.tracked_points import NormalEquations, TrackedPoints
 from meshslam.geometry.triangulation import kabsch, triangulate
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "MaskGradient",
     "MaskLoss",
     "NoiseModel",
+    "NormalEquations",
     "ObjectModel",
     "ObjectState",
     "Outline",
@@ -58,6 +60,7 @@ __all__ = [
     "Rendering",
     "Singles",
     "SquareRoot",
+    "TrackedPoints",
     "View",
     "camera_points",
     "check_gltf",
