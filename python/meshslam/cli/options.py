@@ -44,6 +44,10 @@ RECORDING: dict[str, Any] = {  # what each command that opens a recording takes,
         str | None, typer.Option(help="Size of the images, 640x480, if the camera's file is of another.")
     ],
     "rate": Annotated[float | None, typer.Option(help="Frames a second, of a folder of frames without times.")],
+    "times": Annotated[
+        Path | None,
+        typer.Option(help="Times of the frames of a video or folder: a file, one a line in seconds, or CSV (s or ns)."),
+    ],
     "scene": Annotated[str | None, typer.Option(help="Which scene of a data set of several, such as nuScenes.")],
     "topic": Annotated[
         list[str] | None, typer.Option(help="Topics of a bag: image=/camera/image_raw, camera=, imu=, poses=.")

@@ -9,6 +9,7 @@ _RECORDING = (
     "input.camera_file",
     "input.size",
     "input.rate_hz",
+    "input.times",
     "input.scene",
     "input.topics",
     "input.frames",

@@ -26,6 +26,7 @@ class RecordingOptions:
     camera_file: Path | None = None
     size: tuple[int, int] | None = None
     rate_hz: float | None = None
+    times_file: Path | None = None
     scene: str | None = None
     detections_path: Path | None = None
     imu: Path | None = None
@@ -67,6 +68,7 @@ def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOpt
         camera_file=given.camera_file,
         size=given.size,
         rate_hz=given.rate_hz,
+        times_file=given.times_file,
         scene=given.scene,
         topics=given.topics,
     )
@@ -76,6 +78,7 @@ _FLAGS = {
     "camera_file": "--camera FILE",
     "size": "--size",
     "rate_hz": "--rate",
+    "times_file": "--times FILE",
     "scene": "--scene",
     "topics": "--topic",
 }
@@ -87,6 +90,8 @@ def _check_accepted(loader: Loader, path: Path, given: RecordingOptions) -> None
             raise SequenceError(f"{path}: {flag} is not for recordings of the layout {loader.name}: leave it out")
     if given.size is not None and given.camera_file is None:
         raise SequenceError(f"{path}: --size is the size of the images that --camera FILE is scaled to: give both")
+    if given.rate_hz is not None and given.times_file is not None:
+        raise SequenceError(f"{given.times_file}: --times FILE and --rate both say when frames are: give one of them")
 
 
 def _body(loader: Loader, path: Path, given: RecordingOptions) -> Pose | None:

@@ -19,6 +19,7 @@ from meshslam.sequences.images import MAX_PIXELS
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import Sequence
+from meshslam.sequences.time_files import read_frame_times
 
 SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 _AHEAD = 60  # frames that are decoded one after the other rather than looked for
@@ -26,11 +27,11 @@ _AHEAD = 60  # frames that are decoded one after the other rather than looked fo
 
 @dataclass(frozen=True)
 class Video:
-    """Times are the frames' own, which may begin at any time and step unevenly; turned as the file says."""
+    """Times are the frames' own, uneven or not, or those of --times FILE; turned as the file says."""
 
     name: str = "video"
     looks_for: str = "a file .mp4, .mov, .avi, .mkv or .webm"
-    accepts: frozenset[str] = frozenset({"camera_file", "size"})
+    accepts: frozenset[str] = frozenset({"camera_file", "size", "times_file"})
 
     def recognizes(self, path: Path) -> bool:
         """By the file's first bytes."""
@@ -57,13 +58,16 @@ class Video:
         if turn:
             report.note(path, "", f"frames are turned by {turn}° as the video says: the camera is of {width}x{height}")
         found = read_camera(options.camera_file, options.camera_number, options.size or (width, height), report)
+        times_s = np.array(stamps) * second
+        if options.times_file is not None:
+            times_s = read_frame_times(options.times_file, len(stamps), path, report)
         return Sequence(
             name=path.stem,
             layout=self.name,
             root=path,
             camera=found.camera,
             frame_ids=tuple(range(len(stamps))),
-            times_s=np.array(stamps) * second,
+            times_s=times_s,
             images=images,
             detections_path=options.detections_path,
             imu_from_camera=found.imu_from_camera,

@@ -23,7 +23,7 @@ class Colmap:
 
     name: str = "colmap"
     looks_for: str = "a folder that holds images and sparse/0 with cameras and images"
-    accepts: frozenset[str] = frozenset({"rate_hz"})
+    accepts: frozenset[str] = frozenset({"rate_hz", "times_file"})
 
     def recognizes(self, path: Path) -> bool:
         """By its model."""
@@ -68,7 +68,7 @@ class Colmap:
             root=path,
             camera=found.camera,
             frame_ids=frame_ids,
-            times_s=frame_times(path / "images", files, frame_ids, options.rate_hz, report),
+            times_s=frame_times(path / "images", files, frame_ids, options, report),
             images=ImageFiles(tuple(files), image_bits(files, report)),
             world_from_camera=every,
             is_levelled=False,
