@@ -87,7 +87,10 @@ _FLAGS = {
 def _check_accepted(loader: Loader, path: Path, given: RecordingOptions) -> None:
     for name, flag in _FLAGS.items():
         if getattr(given, name) and name not in loader.accepts:
-            raise SequenceError(f"{path}: {flag} is not for recordings of the layout {loader.name}: leave it out")
+            other = ", or give --times FILE" if name == "rate_hz" and "times_file" in loader.accepts else ""
+            raise SequenceError(
+                f"{path}: {flag} is not for recordings of the layout {loader.name}: leave it out{other}"
+            )
     if given.size is not None and given.camera_file is None:
         raise SequenceError(f"{path}: --size is the size of the images that --camera FILE is scaled to: give both")
     if given.rate_hz is not None and given.times_file is not None:

@@ -47,6 +47,8 @@ class Video:
 
     def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
         """Index the frames' times, decode the first; see Loader."""
+        if path.is_dir():
+            raise fail(path, "", f"is a folder, expected a video's file, {', '.join(SUFFIXES)}")
         if options.camera_file is None:
             raise fail(path, "", "a video says nothing of its camera: give --camera FILE (docs/cameras.md)")
         stamps, second = _index(path)

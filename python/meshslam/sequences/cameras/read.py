@@ -47,11 +47,11 @@ def read_camera(
     """
     report = Report() if report is None else report
     data = _data(path)
-    rows = colmap.from_binary(data)
-    if rows:
+    if path.suffix == ".bin" or b"\0\0" in data[:8]:
+        rows = colmap.from_binary(path, data)
+        if not rows:
+            raise fail(path, "", "holds no cameras")
         return _chosen(path, _colmap_readers(path, rows), number, size, report)
-    if path.suffix == ".bin":
-        raise fail(path, "", "expected COLMAP's cameras.bin: it is cut, or has a model that is not read")
     text = read_text(path)
     rectified = rectified_cameras(text)
     if rectified:
