@@ -8,8 +8,9 @@ import pytest
 import meshslam
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
-from meshslam.cli.options import with_input, with_keypoint_network
+from meshslam.cli.options import _camera, with_input, with_keypoint_network
 from meshslam.cli.slam import slam
+from meshslam.errors import ConfigError
 from meshslam.runs.config import Config
 
 
@@ -43,6 +44,15 @@ def test_the_network_of_key_points_is_switched(given):
     before = Config()
     expected = before.keypoints.enabled if given is None else given
     assert with_keypoint_network(before, given).keypoints.enabled is expected
+
+
+def test_a_camera_is_a_number_a_file_or_one_of_each():
+    assert _camera([]) == {}
+    assert _camera(["1"]) == {"camera": 1}
+    assert _camera(["chain.yaml", "1"]) == {"camera": 1, "camera_file": Path("chain.yaml")}
+    for given in (["1", "2"], ["a.yaml", "b.yaml"], ["1", "a.yaml", "2"]):
+        with pytest.raises(ConfigError, match="give one number, one file, or one of each"):
+            _camera(given)
 
 
 IN_MEMORY = {"out", "overwrite", "json"}  # Python's results are no files

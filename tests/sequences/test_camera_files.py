@@ -69,7 +69,9 @@ def test_kalibr(tmp_path):
 
 def test_of_several_cameras_none_is_taken_in_silence(tmp_path):
     path = written(tmp_path, {"cam0": kalibr(), "cam1": kalibr(resolution=[640, 480])})
-    with pytest.raises(SequenceError, match=r"holds 2 cameras: choose one by its number: 0 \(cam0\), 1 \(cam1\)"):
+    with pytest.raises(
+        SequenceError, match=r"holds 2 cameras: choose one by its number, --camera N: 0 \(cam0\), 1 \(cam1\)"
+    ):
         read_camera(path)
     with pytest.raises(SequenceError, match=r"holds no camera 2, only 0 \(cam0\), 1 \(cam1\)"):
         read_camera(path, 2)
@@ -164,7 +166,7 @@ def test_a_stereo_file_of_opencv_has_two_cameras(tmp_path):
     path = storage(tmp_path / "s.yml", M1=K, D1=np.array(RADTAN), M2=2 * K - np.diag([0, 0, 1.0]), D2=np.zeros(5))
     expect(read_camera(path, 1, (752, 480)), "radtan", RADTAN)
     assert read_camera(path, 2, (1504, 960)).camera.fx == 2 * 458.654
-    with pytest.raises(SequenceError, match=r"choose one by its number: 1 \(M1\), 2 \(M2\)"):
+    with pytest.raises(SequenceError, match=r"choose one by its number, --camera N: 1 \(M1\), 2 \(M2\)"):
         read_camera(path, size=(752, 480))
 
 
@@ -235,7 +237,7 @@ def test_kitti_360(tmp_path):
     path = written(tmp_path, KITTI, "perspective.txt")
     found = read_camera(path, 1)
     assert (found.camera, found.distortion) == (Camera(1408, 376, 552.554, 552.554, 682.0494, 238.7695), None)
-    with pytest.raises(SequenceError, match=r"choose one by its number: 0 \(P_rect_00\), 1 \(P_rect_01\)"):
+    with pytest.raises(SequenceError, match=r"choose one by its number, --camera N: 0 \(P_rect_00\), 1 \(P_rect_01\)"):
         read_camera(path)
 
 

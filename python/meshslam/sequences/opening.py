@@ -9,8 +9,8 @@ from pathlib import Path
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose
 from meshslam.sequences.conventions import CONVENTIONS, Convention
-from meshslam.sequences.imu_files import read_camera_from_body, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.mounting_files import read_camera_from_body, with_imu
 from meshslam.sequences.pose_files import with_poses
 from meshslam.sequences.report import Report
 from meshslam.sequences.selection import Selection, selected
