@@ -131,7 +131,7 @@ class VideoImages:
         return VideoImages(self.path, tuple(self.stamps[i] for i in indices))
 
     def _decoded(self, index: int) -> Any:  # noqa: ANN401 # PyAV's frame
-        av = _av()
+        av = import_av()
         wanted = self.stamps[index]
         try:
             if self._frames is None or not self._next <= index < self._next + _AHEAD:
@@ -149,19 +149,20 @@ class VideoImages:
         raise SequenceError(f"{self.path}: frame {index} cannot be decoded: the video is damaged or cut there")
 
 
-def _av() -> Any:  # noqa: ANN401 # the extra's module
+def import_av(where: str = "") -> Any:  # noqa: ANN401 # the extra's module
+    """PyAV, silent; SequenceError, which begins with `where`, if it is not installed."""
     try:
         import av
         import av.error
     except ImportError:
-        raise SequenceError('video needs PyAV: pip install "meshslam[video]"') from None
+        raise SequenceError(f'{where}video needs PyAV: pip install "meshslam[video]"') from None
     av.logging.set_level(None)
     return av
 
 
 def _index(path: Path) -> tuple[list[int], float]:
     """The stamps of all frames in order, from their packets, and the unit of stamps in seconds."""
-    av = _av()
+    av = import_av()
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
@@ -176,7 +177,7 @@ def _index(path: Path) -> tuple[list[int], float]:
 
 def _decoder(path: Path, stamp: int) -> Iterator[Any]:
     """Frames from the key frame before a stamp on."""
-    with _av().open(str(path)) as container:
+    with import_av().open(str(path)) as container:
         stream = container.streams.video[0]
         container.seek(stamp, stream=stream, backward=True)
         yield from container.decode(stream)
