@@ -1,6 +1,7 @@
 import json
 import re
 import time
+from importlib.metadata import version as installed_version
 
 import pytest
 import yaml
@@ -29,6 +30,12 @@ def test_help_answers_at_once_with_an_example(command):
     assert time.perf_counter() - start < 1.5  # a loaded machine; 0.2 s alone
     assert "Usage" in shown
     assert len(command) != 1 or command[0] in ("version", "category", "reproduce") or "Example: meshslam" in shown
+
+
+def test_the_version_is_a_flag_and_a_command():
+    said = done("--version").stdout
+    assert said == done("version").stdout == f"{installed_version('meshslam')}\n"
+    assert "--version" in done("--help").stdout
 
 
 def test_help_lists_every_command():

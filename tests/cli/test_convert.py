@@ -2,9 +2,12 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
+from meshslam.cli.convert import Source
+from meshslam.perception import encode_mask
 from meshslam.sequences import write_sequence_folder
 from tests.cli.conftest import done, error_of, meshslam
 from tests.sequences.conftest import CAMERA, FRAMES, coco_document
@@ -39,7 +42,48 @@ def test_what_is_assumed_is_said_and_options_say_otherwise(drive, tmp_path):
     assert "no problem" in done("check", drive, "--detections", tmp_path / "d.json").stdout
 
 
-def test_names_are_not_for_sources_with_classes_of_their_own(drive, tmp_path):
-    (tmp_path / "mots.txt").write_text("")
-    given = ("mots-txt", tmp_path / "mots.txt", "--sequence", drive, "--out", tmp_path / "d.json", "--names", "car")
-    assert "--names" in error_of(meshslam("convert", *given))
+@pytest.mark.parametrize("flag", ["--names", "--yolo", "--video"])
+def test_options_of_other_sources_are_refused(drive, tmp_path, flag):
+    value = {"--names": "car", "--yolo": "boxes", "--video": "a"}[flag]
+    given = ("openpifpaf", tmp_path, "--sequence", drive, "--out", tmp_path / "d.json", flag, value)
+    assert f"{flag}: openpifpaf does not use it" in error_of(meshslam("convert", *given))
+
+
+def mots(tmp_path):
+    """Two tracks of the classes 1 and 4 in frames 0 and 1, and a region to ignore; as text and as pictures."""
+    lines, folder = [], tmp_path / "png"
+    folder.mkdir()
+    for frame in (0, 1):
+        picture = np.zeros((CAMERA.height, CAMERA.width), np.uint16)
+        for number, x in ((1001, 4), (4002, 20), (10000, 40)):
+            picture[10:30, x : x + 12] = number
+            code = encode_mask((picture == number).astype(np.uint8))
+            lines.append(f"{frame} {number} {number // 1000} {CAMERA.height} {CAMERA.width} {code['counts']}")
+        cv2.imwrite(str(folder / f"{frame:06d}.png"), picture)
+    (tmp_path / "mots.txt").write_text("\n".join(lines))
+    return {"mots-txt": tmp_path / "mots.txt", "mots-png": folder}
+
+
+@pytest.mark.parametrize("source", ["mots-txt", "mots-png"])
+def test_mots_classes_are_named_and_tracks_kept(drive, tmp_path, source):
+    given = ("convert", source, mots(tmp_path)[source], "--sequence", drive, "--out", tmp_path / "d.json")
+    assert "class 4: the names are 1 car, 2 person, and 10 is ignored: --names says" in error_of(meshslam(*given))
+    told = done(*given, "--names", "1=van,4=bus", "--classes", "van=car")
+    assert "class numbers are read by the names given: 1 = van (2), 4 = bus (2)" in told.stderr
+    both = [(0, "car", 1001), (0, "bus", 4002), (1, "car", 1001), (1, "bus", 4002)]
+    assert annotations(tmp_path / "d.json") == both
+    done(*given, "--names", "car,person,tram,bus")  # a list counts from 1
+    assert annotations(tmp_path / "d.json") == both
+    done(*given, "--names", "1=car,4=bus,10=tram")  # 10 is a class where it has a name
+    assert [row for row in annotations(tmp_path / "d.json") if row[1] == "tram"] == [
+        (0, "tram", 10000),
+        (1, "tram", 10000),
+    ]
+    assert "no problem" in done("check", drive, "--detections", tmp_path / "d.json").stdout
+
+
+def test_the_help_has_an_example_of_every_source():
+    shown = " ".join(done("convert", "--help").stdout.replace("│", " ").split())
+    for source in Source:
+        assert f"Example: meshslam convert {source.value} " in shown, source
+        assert " ".join(done("convert", source.value, "--help").stdout.replace("│", " ").split()) == shown

@@ -1,10 +1,16 @@
 """What the flags of a command become."""
 
+import inspect
 from pathlib import Path
 
 import pytest
 
-from meshslam.cli.options import with_input, with_keypoint_network
+import meshslam
+from meshslam.cli.localize import localize
+from meshslam.cli.map import map_
+from meshslam.cli.options import _camera, with_input, with_keypoint_network
+from meshslam.cli.slam import slam
+from meshslam.errors import ConfigError
 from meshslam.runs.config import Config
 
 
@@ -38,3 +44,45 @@ def test_the_network_of_key_points_is_switched(given):
     before = Config()
     expected = before.keypoints.enabled if given is None else given
     assert with_keypoint_network(before, given).keypoints.enabled is expected
+
+
+def test_a_camera_is_a_number_a_file_or_one_of_each():
+    assert _camera([]) == {}
+    assert _camera(["1"]) == {"camera": 1}
+    assert _camera(["chain.yaml", "1"]) == {"camera": 1, "camera_file": Path("chain.yaml")}
+    for given in (["1", "2"], ["a.yaml", "b.yaml"], ["1", "a.yaml", "2"]):
+        with pytest.raises(ConfigError, match="give one number, one file, or one of each"):
+            _camera(given)
+
+
+IN_MEMORY = {"out", "overwrite", "json"}  # Python's results are no files
+BY_ANOTHER_NAME = {  # the command line's to Python's
+    "sequence": "drive",
+    "camera": "camera_number",  # a number, or `camera`, a file
+    "rate": "rate_hz",
+    "topic": "topics",
+    "from_": "from_s",
+    "to": "to_s",
+    "imu_time_offset": "imu_time_offset_s",
+    "poses_time_offset": "poses_time_offset_s",
+    "map_path": "map",
+}
+ELSEWHERE = {"tracker", "solver", "allow_outside"}  # settings of Config; Map.load(…, allow_outside=True)
+OF_PYTHON_ALONE = {"path", "camera", "progress", "use_imu", "detections_path"}
+
+
+@pytest.mark.parametrize(
+    ("command", "function"), [(map_, meshslam.map_drive), (localize, meshslam.localize), (slam, meshslam.slam)]
+)
+def test_python_takes_what_the_command_line_takes(command, function):
+    flags = set(inspect.signature(command).parameters) - IN_MEMORY
+    named = {BY_ANOTHER_NAME.get(flag, flag) for flag in flags - ELSEWHERE}
+    python = {*inspect.signature(function).parameters, *inspect.signature(meshslam.open_sequence).parameters}
+    assert named - python == set(), "flags that Python lacks"
+    assert python - named - OF_PYTHON_ALONE == set(), "arguments that the command line lacks"
+
+
+def test_streams_take_what_is_told_of_a_network():
+    network = {"segmenter", "adapter", "classes"}
+    assert network <= set(inspect.signature(meshslam.Slam).parameters)
+    assert network <= set(inspect.signature(meshslam.Localizer).parameters)

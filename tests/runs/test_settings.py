@@ -61,6 +61,7 @@ ADDED = (  # since 0.1
     "input.camera_file",
     "input.size",
     "input.rate_hz",
+    "input.times",
     "input.scene",
     "input.topics",
     "input.frames",

@@ -405,7 +405,9 @@ def test_padded_rows_do_not_slant(ros, said, recorded, as_folder, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"encoding": "32FC1"}, "unknown encoding '32FC1': known are mono8"),
+        ({"encoding": "32FC1"}, "only depth images are there, /camera/image_raw (32FC1): a camera's images are needed"),
+        ({"encoding": "16UC1"}, "only depth images are there, /camera/image_raw (16UC1)"),
+        ({"encoding": "8UC9"}, "unknown encoding '8UC9': known are mono8"),
         ({"step": 10}, "bytes for an image bgr8 of 64x48: expected 48 rows of 192 bytes every 10"),
         ({"size": (490, 64)}, "9216 bytes for an image bgr8 of 64x490"),
         ({"size": (2**16, 2**16)}, "image of 65536x65536 pixels"),

@@ -69,7 +69,9 @@ def test_kalibr(tmp_path):
 
 def test_of_several_cameras_none_is_taken_in_silence(tmp_path):
     path = written(tmp_path, {"cam0": kalibr(), "cam1": kalibr(resolution=[640, 480])})
-    with pytest.raises(SequenceError, match=r"holds 2 cameras: choose one by its number: 0 \(cam0\), 1 \(cam1\)"):
+    with pytest.raises(
+        SequenceError, match=r"holds 2 cameras: choose one by its number, --camera N: 0 \(cam0\), 1 \(cam1\)"
+    ):
         read_camera(path)
     with pytest.raises(SequenceError, match=r"holds no camera 2, only 0 \(cam0\), 1 \(cam1\)"):
         read_camera(path, 2)
@@ -164,7 +166,7 @@ def test_a_stereo_file_of_opencv_has_two_cameras(tmp_path):
     path = storage(tmp_path / "s.yml", M1=K, D1=np.array(RADTAN), M2=2 * K - np.diag([0, 0, 1.0]), D2=np.zeros(5))
     expect(read_camera(path, 1, (752, 480)), "radtan", RADTAN)
     assert read_camera(path, 2, (1504, 960)).camera.fx == 2 * 458.654
-    with pytest.raises(SequenceError, match=r"choose one by its number: 1 \(M1\), 2 \(M2\)"):
+    with pytest.raises(SequenceError, match=r"choose one by its number, --camera N: 1 \(M1\), 2 \(M2\)"):
         read_camera(path, size=(752, 480))
 
 
@@ -235,7 +237,7 @@ def test_kitti_360(tmp_path):
     path = written(tmp_path, KITTI, "perspective.txt")
     found = read_camera(path, 1)
     assert (found.camera, found.distortion) == (Camera(1408, 376, 552.554, 552.554, 682.0494, 238.7695), None)
-    with pytest.raises(SequenceError, match=r"choose one by its number: 0 \(P_rect_00\), 1 \(P_rect_01\)"):
+    with pytest.raises(SequenceError, match=r"choose one by its number, --camera N: 0 \(P_rect_00\), 1 \(P_rect_01\)"):
         read_camera(path)
 
 
@@ -251,6 +253,15 @@ ROWS = [  # as pycolmap writes them, which agrees with us to 1e-12 px
     (6, "FULL_OPENCV", [458.654, 457.296, 367.715, 248.875, *RATIONAL], "rational", RATIONAL),
     (7, "FOV", [458.654, 457.296, 367.715, 248.875, 0.93], "fov", [0.93]),
     (8, "SIMPLE_RADIAL_FISHEYE", [458.654, 367.715, 248.875, -0.02], "equidistant", [-0.02, 0, 0, 0]),
+    (
+        10,
+        "THIN_PRISM_FISHEYE",
+        [458.654, 457.296, 367.715, 248.875, *FISHEYE[:2], 0, 0, *FISHEYE[2:], 0, 0],
+        "equidistant",
+        FISHEYE,
+    ),
+    (14, "SIMPLE_FISHEYE", [458.654, 367.715, 248.875], "equidistant", [0, 0, 0, 0]),
+    (15, "FISHEYE", [458.654, 457.296, 367.715, 248.875], "equidistant", [0, 0, 0, 0]),
     (9, "RADIAL_FISHEYE", [458.654, 367.715, 248.875, -0.02, 0.003], "equidistant", [-0.02, 0.003, 0, 0]),
 ]
 HEADER = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
@@ -275,7 +286,7 @@ def test_colmap(row, tmp_path):
         found = read_camera(path, number + 1)
         raw = found.camera if found.distortion is None else found.distortion.raw_camera
         assert np.allclose([raw.fx, raw.cx, raw.cy], [458.654, 367.215, 248.375])  # half a pixel from COLMAP's
-        assert raw.fy == (457.296 if len(values) - len(coefficients or []) == 4 or "OPENCV" in row[1] else raw.fx)
+        assert raw.fy == (457.296 if 457.296 in values else raw.fx)
         assert lens_of(found) == model
         assert found.distortion is None or np.allclose(found.distortion.coefficients, coefficients)
 
@@ -359,8 +370,12 @@ ODD = {
     "kitti without size": (KITTI.replace("S_rect_00", "S_rest_00"), "S_rect_00: key is missing, expected 2 numbers"),
     "colmap short": (HEADER + "1 PINHOLE 752 480 458 457\n", "line 3: PINHOLE has 4 finite parameters, found 2"),
     "colmap unknown": (
-        HEADER + "1 THIN_PRISM_FISHEYE 752 480 458 457\n",
-        "line 3: the model THIN_PRISM_FISHEYE is",
+        HEADER + "1 EUCM 752 480 458 457 367 248 0.5 1\n",
+        "line 3: the model EUCM is not read .make the project pinhole by colmap image_undistorter",
+    ),
+    "colmap thin prism": (
+        HEADER + "1 THIN_PRISM_FISHEYE 752 480 458 457 367 248 0 0 0.1 0 0 0 0 0\n",
+        "line 3: THIN_PRISM_FISHEYE is read where p1, p2, sx1, sy1 are zero alone",
     ),
     "colmap cut": (HEADER + "1 PINHOLE\n", "line 3: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS"),
     "colmap twice": (HEADER + "1 PINHOLE 7 4 4 5 3 2\n" * 2, "line 4: a second camera 1"),
@@ -396,7 +411,7 @@ def test_paths_that_are_no_calibration_file(tmp_path):
     with pytest.raises(SequenceError, match=r"large.yaml: is 5 MB large: no calibration file"):
         read_camera(tmp_path / "large.yaml")
     (tmp_path / "cameras.bin").write_bytes(colmap_binary()[:-1])
-    with pytest.raises(SequenceError, match=r"expected COLMAP's cameras.bin: it is cut"):
+    with pytest.raises(SequenceError, match=r"is cut: not all of its cameras are whole"):
         read_camera(tmp_path / "cameras.bin")
 
 

@@ -415,7 +415,7 @@ def test_nuscenes(tmp_path, rng):
         open_sequence(folder)
     with pytest.raises(SequenceError, match="has no scene 'x'"):
         open_sequence(folder, scene="x")
-    with pytest.raises(SequenceError, match="none of the 0 images of CAM_FRONT is there"):
+    with pytest.raises(SequenceError, match=r"sample_data\.json: scene-0002: has no frame of CAM_FRONT"):
         open_sequence(folder, scene="scene-0002")
     found = open_sequence(folder, scene="scene-0001")
     assert found.camera == CAMERA
@@ -426,5 +426,7 @@ def test_nuscenes(tmp_path, rng):
     assert np.allclose(found.imu_from_camera.matrix, MOUNTED.matrix, atol=1e-9)
     assert found.imu.rate_hz == pytest.approx(100)
     (folder / "v1.0-mini" / "ego_pose.json").write_text("[]")
-    with pytest.raises(SequenceError, match="the tables are damaged: KeyError"):
+    with pytest.raises(
+        SequenceError, match=r"ego_pose\.json: 5 rows that sample_data\.json names are not there, such as e0"
+    ):
         open_sequence(folder, scene="scene-0001")

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import traceback
 from types import FrameType
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -31,12 +31,28 @@ USER_ERROR, FAULT, INTERRUPTED = 2, 70, 130
 
 app = typer.Typer(
     name="meshslam",
-    help="Object-level SLAM with instance-specific meshes: maps in which every car has its pose and its own shape.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        version()
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    shown: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Object-level SLAM with instance-specific meshes: maps in which every car has its pose and its own shape."""
+
+
 app.command("map")(map_)
 app.command("localize")(localize)
 app.command("slam")(slam)

@@ -59,9 +59,7 @@ def convert(
     masks: Annotated[Path | None, typer.Option(help="openpifpaf: detections with masks, which get the points.")] = None,
     names: Annotated[
         str | None,
-        typer.Option(
-            help="yolo, coco, coco-results: names of class numbers: a file (Ultralytics' data.yaml), or car,truck."
-        ),
+        typer.Option(help="Names of class numbers, but for openpifpaf: a file (Ultralytics' data.yaml), or car,truck."),
     ] = None,
     classes: Classes = None,
     yolo: Annotated[
@@ -82,7 +80,17 @@ def convert(
 
     Example: meshslam convert recording drive.bag drive --topic image=/camera/image_raw
 
-    Example: meshslam convert mots-txt 0006.txt --sequence 06 --out detections.json
+    Example: meshslam convert coco instances.json --sequence drive --out detections.json --classes vehicle=car
+
+    Example: meshslam convert coco-results results.json --sequence drive --out detections.json --names car,truck
+
+    Example: meshslam convert yolo runs/segment/labels --sequence drive --out detections.json --first-frame 1
+
+    Example: meshslam convert mots-txt instances_txt/0006.txt --sequence 06 --out detections.json
+
+    Example: meshslam convert mots-png instances/0006 --sequence 06 --out detections.json --names car,person
+
+    Example: meshslam convert openpifpaf predictions --masks masks.json --sequence drive --out detections.json
     """
     from meshslam.errors import DetectionError, SequenceError
 
@@ -149,6 +157,8 @@ def _convert_detections(source: Source, path: Path, recording: Sequence, out: Pa
 
     for_yolo = {"--yolo": told.yolo, "--tracked": told.tracked}
     unused = [flag for flag, value in for_yolo.items() if value is not None and source is not Source.yolo]
+    unused += ["--names"] if told.names is not None and source is Source.openpifpaf else []
+    unused += ["--masks"] if told.masks is not None and source is not Source.openpifpaf else []
     unused += ["--video"] if told.video is not None and source is not Source.coco else []
     if unused:
         raise DetectionError(f"{unused[0]}: {source} does not use it: leave it out")
@@ -163,8 +173,6 @@ def _convert_detections(source: Source, path: Path, recording: Sequence, out: Pa
         found = with_openpifpaf(path, given, frames.shift)
     else:
         table = None if told.names is None else read_class_names(told.names)
-        if table is not None and source in (Source.mots_txt, Source.mots_png):
-            raise DetectionError(f"--names: {source} has classes of its own: leave it out")
         if table is not None and source is Source.coco_results and "=" not in str(told.names):
             table = counted_from_one(path, table)
         readers: dict[Source, Callable[[Path, ImageFrames], DetectionSet]] = {
@@ -173,8 +181,8 @@ def _convert_detections(source: Source, path: Path, recording: Sequence, out: Pa
             Source.yolo: partial(
                 from_yolo_txt, names=table, shape=None if told.yolo is None else told.yolo.value, tracked=told.tracked
             ),
-            Source.mots_txt: from_mots_txt,
-            Source.mots_png: from_mots_png,
+            Source.mots_txt: partial(from_mots_txt, names=table),
+            Source.mots_png: partial(from_mots_png, names=table),
         }
         found = readers[source](path, frames)
     if told.classes is not None:

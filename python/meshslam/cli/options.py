@@ -30,10 +30,10 @@ Keypoints = Annotated[
     bool | None, typer.Option("--keypoints/--no-keypoints", help="Key points of cars, by the shipped network.")
 ]
 Camera = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         help="Which camera of the layout or of the extrinsics' file (a number); or a file with the camera, for "
-        "recordings that have none."
+        "recordings that have none. Both, given one after the other: which camera of the file."
     ),
 ]
 ImuFile = Annotated[Path | None, typer.Option(help="IMU samples (CSV) instead of the layout's own.")]
@@ -44,6 +44,10 @@ RECORDING: dict[str, Any] = {  # what each command that opens a recording takes,
         str | None, typer.Option(help="Size of the images, 640x480, if the camera's file is of another.")
     ],
     "rate": Annotated[float | None, typer.Option(help="Frames a second, of a folder of frames without times.")],
+    "times": Annotated[
+        Path | None,
+        typer.Option(help="Times of the frames of a video or folder: a file, one a line in seconds, or CSV (s or ns)."),
+    ],
     "scene": Annotated[str | None, typer.Option(help="Which scene of a data set of several, such as nuScenes.")],
     "topic": Annotated[
         list[str] | None, typer.Option(help="Topics of a bag: image=/camera/image_raw, camera=, imu=, poses=.")
@@ -107,12 +111,8 @@ def takes_recording(command: Callable[..., None]) -> Callable[..., None]:
 def _settings_of_flags(given: dict[str, Any]) -> dict[str, Any]:
     from meshslam.sequences import read_seconds
 
-    camera = given.pop("camera")
-    if camera is not None:
-        given["camera" if camera.isascii() and camera.isdigit() else "camera_file"] = camera
     found = {
-        "camera": None if given.get("camera") is None else int(given.pop("camera")),
-        "camera_file": None if given.get("camera_file") is None else Path(given.pop("camera_file")),
+        **_camera(given.pop("camera") or []),
         "topics": list(given.pop("topic") or []) or None,
         "rate_hz": given.pop("rate"),
         "from_s": None if given["from_"] is None else read_seconds(given["from_"]),
@@ -122,6 +122,17 @@ def _settings_of_flags(given: dict[str, Any]) -> dict[str, Any]:
     }
     del given["from_"], given["to"]
     return {key: value for key, value in (given | found).items() if value is not None}
+
+
+def _camera(given: list[str]) -> dict[str, int | Path]:
+    """The number, the file, or both that `--camera` names."""
+    from meshslam.errors import ConfigError
+
+    numbers = [int(word) for word in given if word.isascii() and word.isdigit()]
+    files = [Path(word) for word in given if not (word.isascii() and word.isdigit())]
+    if len(numbers) > 1 or len(files) > 1:
+        raise ConfigError(f"--camera {' --camera '.join(given)}: give one number, one file, or one of each")
+    return {**({"camera": numbers[0]} if numbers else {}), **({"camera_file": files[0]} if files else {})}
 
 
 def with_input(settings: Config, **given: Any) -> Config:  # noqa: ANN401 # whatever the settings hold

@@ -10,6 +10,7 @@ import typer
 from meshslam.cli.options import (
     Adapter,
     AsJson,
+    CategoryName,
     Classes,
     ConfigFile,
     Detections,
@@ -32,6 +33,7 @@ def slam(
     adapter: Adapter = None,
     classes: Classes = None,
     detections: Detections = None,
+    category: CategoryName = None,
     keypoints: Keypoints = None,
     poses: Annotated[
         str | None,
@@ -66,6 +68,7 @@ def slam(
         adapter=adapter,
         category_names=classes,
         detections=detections,
+        category=category,
     )
     settings = with_keypoint_network(settings, keypoints)
     if poses is not None:

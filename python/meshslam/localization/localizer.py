@@ -118,11 +118,16 @@ class Localizer:
         imu_from_camera: Pose,
         start: InitialState | None = None,
         segmenter: Segmenter | Path | str | None = None,
+        adapter: Path | str | None = None,
+        classes: Mapping[str, str] | None = None,
         keypoint_names: Mapping[str, Sequence[str]] | None = None,
         config: LocalizerSettings | None = None,
         source: str = "stream",
     ) -> None:
-        """`keypoint_names` are their order in given detections, by category; the shipped categories' own if not given.
+        """`adapter` (YAML) says how the network is fed and read, `classes` its classes that are others of ours.
+
+        Such as {"vehicle": "car"}. `keypoint_names` are their order in given detections, by category; the shipped
+        categories' own if not given.
 
         Without a `start` the first seconds are looked for in the map. `source` is what messages call the stream.
         """
@@ -137,6 +142,8 @@ class Localizer:
             settings.tracking,
             camera,
             {name: len(points) for name, points in self._names.items()},
+            adapter,
+            classes,
         )
         self._stream = Stream(source=source, sight=RatesBySight(camera, imu_from_camera))
         self._waiting: list[_Frame] = []

@@ -131,11 +131,16 @@ class Slam:
         height_above_ground_m: float | None = None,
         start: InitialState | None = None,
         segmenter: Segmenter | Path | str | None = None,
+        adapter: Path | str | None = None,
+        classes: Mapping[str, str] | None = None,
         keypoint_names: Sequence[str] | None = None,
         config: SlamSettings | None = None,
         source: str = "stream",
     ) -> None:
-        """`keypoint_names` is their order in given detections, the category's own if it is not given.
+        """`adapter` (YAML) says how the network is fed and read, `classes` its classes that are others of ours.
+
+        Such as {"vehicle": "car"}. `keypoint_names` is their order in given detections, the category's own if it is
+        not given.
 
         `height_above_ground_m` of the camera, where it is known, is a measure of length. `source` is what messages call
         the stream.
@@ -167,6 +172,8 @@ class Slam:
             settings.tracking,
             camera,
             {known.name: len(names)},
+            adapter,
+            classes,
         )
         self._stream = Stream(source=source, sight=RatesBySight(camera, mounted) if moved_by_imu else None)
         self._image_features: ImageFeatures | None = None

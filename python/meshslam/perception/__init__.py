@@ -2,7 +2,7 @@
 
 from meshslam.perception.adapter import adapter_beside
 from meshslam.perception.boxes import are_near, nearness_on_ground
-from meshslam.perception.class_names import renamed_set, renamings, untracked
+from meshslam.perception.class_names import our_names, renamed_set, renamings, untracked
 from meshslam.perception.colour import COLOUR, ColourConfig, ColourSegmenter
 from meshslam.perception.colour_code import body_colour_bgr, point_colour_bgr
 from meshslam.perception.conversion.class_numbers import read_class_names
@@ -87,6 +87,7 @@ __all__ = [
     "laplace_sigma",
     "load_segmenter",
     "nearness_on_ground",
+    "our_names",
     "peak_angle",
     "point_colour_bgr",
     "points_in_input",

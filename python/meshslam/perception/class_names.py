@@ -40,6 +40,13 @@ def renamings(given: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def our_names(given: Mapping[str, str] | None) -> dict[str, str]:
+    """The same from a mapping, as Python's callers give it: {"vehicle": "car"}."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ConfigError(f"classes: found {quoted(str(given))}, expected a mapping such as {{'vehicle': 'car'}}")
+    return renamings([f"{theirs}={ours}" for theirs, ours in (given or {}).items()])
+
+
 def unknown_renaming(renamed: Mapping[str, str], names: Collection[str]) -> str | None:
     """What to tell where a class is to be renamed that is not there; None otherwise."""
     small = {name.strip().lower() for name in names}

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from meshslam.errors import DetectionError, GeometryError
+from meshslam.errors import ConfigError, DetectionError, GeometryError
 from meshslam.geometry import Bytes, Camera, Floats
+from meshslam.perception.class_names import our_names
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.colour import COLOUR, ColourSegmenter
 from meshslam.perception.detections import Detection
@@ -33,15 +34,21 @@ class FramePerception:
         tracking: TrackerConfig,
         camera: Camera | None = None,
         keypoint_counts: Mapping[str, int] | None = None,
+        adapter: Path | str | None = None,
+        classes: Mapping[str, str] | None = None,
     ) -> None:
         """`segmenter` is a network's file, its name in the store, `colour` for a simulated world, or any Segmenter.
 
-        A network is loaded when it is first needed. Images are to be of the `camera`'s size, where it is given;
-        `keypoint_counts` says how many key points given detections of a category have.
+        A network is loaded when it is first needed. `adapter` is a YAML file that says how it is fed and read,
+        `classes` are our names of its classes by its own; ConfigError if they are given with another segmenter. Images
+        are to be of the `camera`'s size, where it is given; `keypoint_counts` says how many key points given detections
+        of a category have.
         """
         self._camera, self._counts = camera, keypoint_counts or {}
         self.notes: tuple[str, ...] = ()  # of the newest frame
         self._given, self._segmentation, self._keypoints = segmenter, segmentation, keypoints
+        self._adapter, self._renamed = None if adapter is None else Path(adapter), our_names(classes)
+        _check_network_options(segmenter, self._adapter, self._renamed)
         self._tracker, self._categories = OnlineTracker(tracking), tracking.categories
         self._segmenter: Segmenter | None = None
         self._finder: KeypointFinder | None = None
@@ -86,7 +93,7 @@ class FramePerception:
         if image_bgr is None:
             raise DetectionError(f"frame {frame}: neither an image nor detections: give image=… or detections=…")
         if self._segmenter is None:
-            self._segmenter = _loaded(self._given, self._segmentation, self._categories)
+            self._segmenter = self._loaded()
             self.notes = tuple(getattr(self._segmenter, "notes", ()))
         found = segment_frame(frame, image_bgr, self._segmenter, self._next_id)
         self._next_id += len(found)
@@ -100,6 +107,17 @@ class FramePerception:
             self._finder = KeypointFinder(self._keypoints)
         filled = frame_keypoints(detections, lambda: image_bgr, self._finder)
         return [filled.get(d.id, d) for d in detections]
+
+    def _loaded(self) -> Segmenter:
+        given = self._given
+        if given is not None and not isinstance(given, str | Path):
+            return given
+        if given == COLOUR:
+            return ColourSegmenter()
+        network = find_model(None if given is None else str(given))
+        return load_segmenter(
+            network, self._segmentation, adapter=self._adapter, renamed=self._renamed, tracked=self._categories
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """For copies and pickles: networks are loaded again when they are needed."""
@@ -115,10 +133,10 @@ class FramePerception:
         self._tracker.fill(arrays)
 
 
-def _loaded(given: Segmenter | Path | str | None, config: SegmenterConfig, tracked: Sequence[str]) -> Segmenter:
-    if given is not None and not isinstance(given, str | Path):
-        return given
-    if given == COLOUR:
-        return ColourSegmenter()
-    network = find_model(None if given is None else str(given))
-    return load_segmenter(network, config, renamed={}, tracked=tracked)
+def _check_network_options(
+    segmenter: Segmenter | Path | str | None, adapter: Path | None, renamed: Mapping[str, str]
+) -> None:
+    is_network = segmenter is None or (isinstance(segmenter, str | Path) and segmenter != COLOUR)
+    if not is_network and (adapter is not None or renamed):
+        name = "adapter" if adapter is not None else "classes"
+        raise ConfigError(f"{name}: the segmenter is no file of a network, which alone has it: leave it out")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from meshslam.errors import MapError, SequenceError
 from meshslam.evaluation import evaluate_run
 from meshslam.maps import Map, Trajectory
 from meshslam.object_slam import SlamResult
-from meshslam.perception import DetectionSet
+from meshslam.perception import DetectionSet, our_names
 from meshslam.runs import stages
-from meshslam.runs.config import Config
+from meshslam.runs.commands import RECORDING
+from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import localize_recording
 from meshslam.runs.map_run import MapResult, map_recording
 from meshslam.runs.opening import open_input
@@ -40,6 +42,10 @@ def map_drive(
     drive: Drive,
     *,
     segmenter: str | Path | None = None,
+    adapter: str | Path | None = None,
+    classes: Mapping[str, str] | None = None,
+    detections: str | Path | None = None,
+    keypoints: bool | None = None,
     category: str | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
@@ -47,9 +53,11 @@ def map_drive(
     """Map a recording with known camera poses: every parked object with its pose and its own mesh.
 
     `drive` is a recording's folder, or what `open_sequence` gives. `segmenter` is a network's file (ONNX), its name in
-    the store, or `colour` for a simulated world; without it the recording's own detections are used. `category` is a
-    shipped category's name or a category's file (.npz), and takes the place of the configuration's. `progress` is
-    called with a step's name, how many are done, and of how many.
+    the store, or `colour` for a simulated world; without it the recording's own detections are used, or `detections`,
+    a file (COCO JSON). `adapter` is a file (YAML) that says how the network is fed and read. `classes` are classes
+    that are others of ours: {"vehicle": "car"}. `keypoints` switches the network of key points on or off. `category`
+    is a shipped category's name or a category's file (.npz). All of these take the place of the configuration's.
+    `progress` is called with a step's name, how many are done, and of how many.
 
     In the result, lengths are in metres; vertices (V, 3) are in each object's frame; a pose covariance (6, 6) is that
     of a right perturbation (translation, rotation), m and rad. SequenceError if the recording is damaged or its poses
@@ -62,7 +70,8 @@ def map_drive(
         result.map.save("run")
 
     """
-    recording, settings, outlet = _opened(drive, segmenter, category, config, progress, use_imu=False)
+    seen = _Seen(segmenter, adapter, classes, detections, keypoints)
+    recording, settings, outlet = _opened(drive, seen, category, config, progress, use_imu=False)
     return map_recording(recording, settings, outlet).result(recording, outlet)
 
 
@@ -71,6 +80,10 @@ def localize(
     map: Map | str | Path,
     *,
     segmenter: str | Path | None = None,
+    adapter: str | Path | None = None,
+    classes: Mapping[str, str] | None = None,
+    detections: str | Path | None = None,
+    keypoints: bool | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
 ) -> LocalizeResult:
@@ -86,7 +99,8 @@ def localize(
         path.positions_in_world  # (n, 3), metres
 
     """
-    recording, settings, outlet = _opened(drive, segmenter, None, config, progress)
+    seen = _Seen(segmenter, adapter, classes, detections, keypoints)
+    recording, settings, outlet = _opened(drive, seen, None, config, progress)
     scene, clock = (
         map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside),
         stages.Clock(),
@@ -101,6 +115,10 @@ def slam(
     drive: Drive,
     *,
     segmenter: str | Path | None = None,
+    adapter: str | Path | None = None,
+    classes: Mapping[str, str] | None = None,
+    detections: str | Path | None = None,
+    keypoints: bool | None = None,
     category: str | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
@@ -117,7 +135,8 @@ def slam(
         result.trajectory.positions_in_world  # (n, 3), metres
 
     """
-    recording, settings, outlet = _opened(drive, segmenter, category, config, progress)
+    seen = _Seen(segmenter, adapter, classes, detections, keypoints)
+    recording, settings, outlet = _opened(drive, seen, category, config, progress)
     clock = stages.Clock()
     result = slam_recording(recording, settings, outlet, clock)
     own = stages.figures(recording, result.mapping, clock)
@@ -143,9 +162,28 @@ def evaluate(run: str | Path, truth: str | Path) -> dict[str, float]:
     return evaluate_run(truth, run)
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What a caller chooses of how objects are seen; None is the configuration's."""
+
+    segmenter: str | Path | None
+    adapter: str | Path | None
+    classes: Mapping[str, str] | None
+    detections: str | Path | None
+    keypoints: bool | None
+
+    def over(self, chosen: InputConfig) -> InputConfig:
+        """The settings of the input with these over them."""
+        files = {"segmenter": self.segmenter, "adapter": self.adapter, "detections": self.detections}
+        values: dict[str, Any] = {name: str(value) for name, value in files.items() if value is not None}
+        if self.classes is not None:
+            values["category_names"] = tuple(f"{a}={b}" for a, b in our_names(self.classes).items())
+        return replace(chosen, **values)
+
+
 def _opened(
     drive: Drive,
-    segmenter: str | Path | None,
+    seen: _Seen,
     category: str | None,
     config: Config | None,
     progress: Progress | None,
@@ -153,13 +191,29 @@ def _opened(
     use_imu: bool = True,
 ) -> tuple[Sequence, Config, Outlet]:
     settings = config or Config()
-    chosen = settings.input
-    if segmenter is not None:
-        chosen = replace(chosen, segmenter=str(segmenter))
+    chosen = seen.over(settings.input)
     if category is not None:
         chosen = replace(chosen, category=category)
-    recording = (
-        drive if isinstance(drive, Sequence) else open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
-    )
+    if seen.keypoints is not None:
+        settings = replace(settings, keypoints=replace(settings.keypoints, enabled=seen.keypoints))
     outlet = Outlet() if progress is None else Outlet(progress)
+    if isinstance(drive, Sequence):
+        recording = drive if chosen.detections is None else _with_detections(drive, Path(chosen.detections))
+        _note_unused(chosen, outlet)
+    else:
+        recording = open_input(replace(chosen, sequence=str(drive)), use_imu=use_imu)
     return recording, replace(settings, input=chosen), outlet
+
+
+def _note_unused(chosen: InputConfig, outlet: Outlet) -> None:
+    """Say which settings choose a part of a recording, or files for it, that is open already."""
+    names = [path.removeprefix("input.") for path in RECORDING if path != "input.sequence"]
+    given = [name for name in names if getattr(chosen, name) != getattr(InputConfig(), name)]
+    if given:
+        outlet.note(f"input.{given[0]} is not used, as the recording is open already: give it to open_sequence")
+
+
+def _with_detections(drive: Sequence, path: Path) -> Sequence:
+    if not path.is_file():
+        raise SequenceError(f"{path}: no such detection file")
+    return replace(drive, detections_path=path)

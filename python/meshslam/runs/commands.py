@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-_RECORDING = (
+RECORDING = (
     "input.sequence",
     "input.layout",
     "input.camera",
     "input.camera_file",
     "input.size",
     "input.rate_hz",
+    "input.times",
     "input.scene",
     "input.topics",
     "input.frames",
@@ -23,11 +24,11 @@ _RECORDING = (
     "input.poses_time_offset_s",
 )
 _PERCEPTION = ("input.segmenter", "input.adapter", "input.category_names", "segmentation", "colour", "keypoints")
-_SEEN = (*_RECORDING, "input.detections", *_PERCEPTION)
+_SEEN = (*RECORDING, "input.detections", *_PERCEPTION)
 _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
-    "detect": (*_RECORDING, *_PERCEPTION, "tracking.categories"),
+    "detect": (*RECORDING, *_PERCEPTION, "tracking.categories"),
     "map": (*_SEEN, *_OBJECTS, "rotations"),
     "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
     "slam": (*_SEEN, *_OBJECTS, "estimation", "slam"),

@@ -24,6 +24,7 @@ class InputConfig(Settings):
     camera: int | None = public(None, low=0, doc="which of the cameras of the layout, or of the extrinsics' file")
     camera_file: str | None = public(None, doc="file with the camera, for recordings that have none")
     size: str | None = public(None, doc="size of the images, 640x480, if the camera's file is of another")
+    times: str | None = public(None, doc="file with the times of the frames of a video or folder, one a line, or CSV")
     scene: str | None = public(None, doc="which scene of a data set of several, such as nuScenes")
     rate_hz: float | None = public(None, above=0, doc="frames a second, of a folder of frames without times")
     topics: tuple[str, ...] = public((), doc="topics of a bag: image=/camera/image_raw, camera=, imu=, poses=")

@@ -40,6 +40,7 @@ def recording_options(chosen: InputConfig, *, use_imu: bool = True) -> Recording
         camera_file=_path(chosen.camera_file),
         size=None if chosen.size is None else read_size(chosen.size),
         rate_hz=chosen.rate_hz,
+        times_file=_path(chosen.times),
         scene=chosen.scene,
         detections_path=_path(chosen.detections),
         imu=_path(chosen.imu),

@@ -43,6 +43,11 @@ def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirect
     What a former run that was cut short has segmented is taken from its folder.
     """
     if config.input.segmenter is None and recording.detections_path is not None:
+        if config.input.adapter is not None:
+            raise ConfigError(
+                f"input.adapter: {recording.detections_path} is read, no network: leave the adapter out, or name the "
+                "network (--segmenter)"
+            )
         renamed, tracked = renamings(config.input.category_names), config.tracking.categories
         found = read_recorded_detections(recording.detections_path, recording, renamed, tracked)
         for warning in found.warnings:

@@ -8,9 +8,10 @@ from meshslam.sequences.distortion import Distortion, undistorted
 from meshslam.sequences.folder import CameraFile, read_camera_file
 from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
 from meshslam.sequences.image_source import ImageFiles, ImageSource
-from meshslam.sequences.imu_files import read_camera_from_body, read_extrinsics, read_imu, with_imu
+from meshslam.sequences.imu_files import read_imu
 from meshslam.sequences.lenses import LensModel
 from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.mounting_files import read_camera_from_body, read_extrinsics, with_imu
 from meshslam.sequences.opening import RecordingOptions
 from meshslam.sequences.path_files import read_path
 from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with

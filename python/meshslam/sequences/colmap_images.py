@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,10 +16,11 @@ from meshslam.sequences.text import read_text
 
 _HEAD = struct.Struct("<i7di")  # id, quaternion with w first, translation, camera
 _POINT_BYTES = 24
+Some = TypeVar("Some")
 
 
 def read_colmap_images(path: Path) -> dict[str, tuple[Pose, int]]:
-    """camera_from_world and the camera's id, by the images' names without folders; FoundError for a file that is none.
+    """camera_from_world and the camera's id, by the images' names, with their folders; FoundError for a damaged file.
 
     Each row of images.txt is followed by a line of points, which may be empty.
     """
@@ -30,9 +33,23 @@ def read_colmap_images(path: Path) -> dict[str, tuple[Pose, int]]:
             pose = Pose.from_quaternion(numbers[:4] / np.linalg.norm(numbers[:4]), numbers[4:], order="wxyz")
         except GeometryError as error:
             raise fail(path, where, str(error)) from None
-        found[name.replace("\\", "/").rpartition("/")[2]] = (pose, camera)
+        name = name.replace("\\", "/")
+        if name in found:
+            raise fail(path, where, f"a second pose of {name[-60:]}")
+        found[name] = (pose, camera)
     if not found:
         raise fail(path, "", "holds no images")
+    return found
+
+
+def by_file_name(path: Path, placed: Mapping[str, Some]) -> dict[str, Some]:
+    """The same by names without folders; FoundError where two images are called alike."""
+    found: dict[str, Some] = {}
+    for name, value in placed.items():
+        short = name.rpartition("/")[2]
+        if short in found:
+            raise fail(path, "", f"has two images that are called {short[-60:]}, in different folders")
+        found[short] = value
     return found
 
 
@@ -49,10 +66,13 @@ def _text(path: Path) -> list[tuple[str, np.ndarray, int, str]]:
     for number, line in enumerate(read_text(path).splitlines(), 1):
         if line.startswith("#"):
             continue
+        words = line.split(maxsplit=9)
         if points_next:
+            if len(words) == 10 and not _is_number(words[9].split()[-1]):
+                what = "an image stands where the points of the one before it should: each image has two lines, the "
+                raise fail(path, f"line {number}", what + "second may be empty")
             points_next = False
             continue
-        words = line.split(maxsplit=9)
         if not words:
             continue
         try:

@@ -1,17 +1,12 @@
-"""IMU samples and extrinsics from files of their own, for any sequence."""
+"""IMU samples from a file of their own."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from meshslam.geometry import Camera, Pose
 from meshslam.sequences.report import Report, fail
-from meshslam.sequences.sequence import ImuSamples, Sequence
-from meshslam.sequences.text import check_increasing, numbers_of, parsed_yaml, pose_of, read_csv, read_text, read_yaml
+from meshslam.sequences.sequence import ImuSamples
+from meshslam.sequences.text import check_increasing, read_csv
 
 IMU_COLUMNS = ("timestamp", "wx", "wy", "wz", "ax", "ay", "az")
 
@@ -23,115 +18,3 @@ def read_imu(path: Path, report: Report) -> ImuSamples:
         raise fail(path, "", "holds no samples")
     check_increasing(path, table.rows[:, 0], table.lines, report)
     return ImuSamples(table.rows[:, 0], table.rows[:, 1:4], table.rows[:, 4:7])
-
-
-def read_extrinsics(
-    path: Path, camera_number: int | None = None, camera: Camera | None = None, report: Report | None = None
-) -> tuple[Pose, float]:
-    """imu_from_camera, and by how many seconds the IMU's clock is ahead of the camera's.
-
-    Taken from Kalibr's camchain-imucam YAML (`camN` with `T_cam_imu` and `timeshift_cam_imu`), a YAML or JSON mapping
-    with the key `imu_from_camera` or `camera_from_imu`, or a bare 4x4 matrix, which is imu_from_camera unless the file
-    is called camera_from_imu. Of several cameras the one of that number is taken, else the one with the intrinsics of
-    `camera`; SequenceError where neither tells.
-    """
-    content, report = _parsed(path), report or Report()
-    if isinstance(content, list):
-        matrix = pose_of(path, path.stem, content, report)
-        return (matrix.inverse() if path.stem == "camera_from_imu" else matrix), 0.0
-    cameras = sorted(key for key in content if key.startswith("cam") and key[3:].isdigit())
-    if cameras:
-        return _kalibr(path, content, _camera_of_rig(path, content, cameras, camera_number, camera, report), report)
-    if content.get("imu_from_camera") is not None:
-        return pose_of(path, "imu_from_camera", content["imu_from_camera"], report), 0.0
-    if content.get("camera_from_imu") is not None:
-        return pose_of(path, "camera_from_imu", content["camera_from_imu"], report).inverse(), 0.0
-    raise fail(path, "", "expected the key imu_from_camera or camera_from_imu (4x4), or Kalibr's cam0 with T_cam_imu")
-
-
-def read_camera_from_body(path: Path, report: Report | None = None) -> Pose:
-    """camera_from_body from a YAML or JSON mapping with that key or body_from_camera, or a bare 4x4 matrix.
-
-    A bare matrix is camera_from_body, unless the file is called body_from_camera.
-    """
-    content, report = _parsed(path), report or Report()
-    if isinstance(content, list):
-        matrix = pose_of(path, path.stem, content, report)
-        return matrix.inverse() if path.stem == "body_from_camera" else matrix
-    if content.get("camera_from_body") is not None:
-        return pose_of(path, "camera_from_body", content["camera_from_body"], report)
-    if content.get("body_from_camera") is not None:
-        return pose_of(path, "body_from_camera", content["body_from_camera"], report).inverse()
-    raise fail(path, "", "expected the key camera_from_body or body_from_camera (4x4), or a bare 4x4 matrix")
-
-
-def with_imu(
-    sequence: Sequence,
-    imu_path: Path | None,
-    extrinsics_path: Path | None,
-    camera_number: int | None = None,
-    time_offset_s: float = 0.0,
-) -> Sequence:
-    """The sequence with an IMU, or extrinsics, from files; its samples on the camera's clock.
-
-    The IMU's clock is `time_offset_s` ahead, beyond what the extrinsics' file says.
-    """
-    report = Report()
-    imu = sequence.imu if imu_path is None else read_imu(imu_path, report)
-    mounted, ahead_s = sequence.imu_from_camera, time_offset_s
-    if extrinsics_path is not None:
-        mounted, told_s = read_extrinsics(extrinsics_path, camera_number, sequence.raw_camera, report)
-        ahead_s += told_s
-    if imu is not None and ahead_s:
-        imu = replace(imu, times_s=imu.times_s - ahead_s)
-    return replace(sequence, imu=imu, imu_from_camera=mounted, notes=(*sequence.notes, *report.notes))
-
-
-def _camera_of_rig(
-    path: Path, content: dict[str, Any], cameras: list[str], number: int | None, camera: Camera | None, report: Report
-) -> str:
-    """The key of a rig's camera: the number that was given, the only one, or the one with these intrinsics."""
-    if number is not None:
-        return f"cam{number}"
-    if len(cameras) == 1:
-        return cameras[0]
-    alike = [] if camera is None else [name for name in cameras if _is_camera(content[name], camera)]
-    if len(alike) != 1:
-        found = f"{', '.join(alike)} have" if alike else "none has"
-        raise fail(path, "", f"holds {', '.join(cameras)}, and {found} this recording's intrinsics: give --camera N")
-    report.note(path, alike[0], f"has this recording's intrinsics: it is taken, of {', '.join(cameras)}")
-    return alike[0]
-
-
-def _is_camera(entry: object, camera: Camera) -> bool:
-    """Whether a rig's entry has the camera's resolution, and its intrinsics within 2%."""
-    if not isinstance(entry, dict):
-        return False
-    size, intrinsics = entry.get("resolution"), entry.get("intrinsics")
-    if size is not None and size != [camera.width, camera.height]:
-        return False
-    own = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    try:
-        given = np.asarray(intrinsics, float)
-    except (TypeError, ValueError):
-        return False
-    return given.shape == (4,) and bool(np.allclose(given, own, rtol=0.02))
-
-
-def _parsed(path: Path) -> dict[str, Any] | list[Any]:
-    text = read_text(path)
-    if not text.lstrip().startswith("["):
-        return read_yaml(path)
-    content = parsed_yaml(path, text)
-    return content if isinstance(content, list) else {}
-
-
-def _kalibr(path: Path, content: dict[str, Any], name: str, report: Report) -> tuple[Pose, float]:
-    entry = content.get(name)
-    if not isinstance(entry, dict) or entry.get("T_cam_imu") is None:
-        raise fail(path, name, "expected T_cam_imu, a 4x4 matrix, as Kalibr's camchain-imucam has it")
-    camera_from_imu = pose_of(path, f"{name}: T_cam_imu", entry["T_cam_imu"], report)
-    ahead = numbers_of(path, f"{name}: timeshift_cam_imu", entry.get("timeshift_cam_imu", 0.0)).reshape(-1)
-    if len(ahead) != 1:
-        raise fail(path, f"{name}: timeshift_cam_imu", f"expected one number, found {ahead.tolist()}")
-    return camera_from_imu.inverse(), float(ahead[0])

@@ -26,6 +26,7 @@ class LoadOptions:
     camera_file: Path | None = None  # the camera of layouts that have none
     size: tuple[int, int] | None = None  # width, height of the images that the camera file's intrinsics become
     rate_hz: float | None = None  # of frames without times
+    times_file: Path | None = None  # the frames' times, in place of their own
     scene: str | None = None  # of recordings of several: which one
     topics: Mapping[str, str] = field(default_factory=dict)  # of bags: which topic is the image, the IMU, …
     kept_index: Path | None = None  # of bags: where an earlier index may lie
@@ -51,7 +52,7 @@ class Loader(Protocol):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """Which of the options camera_file, size, rate_hz, scene, topics, conventions this layout can use."""
+        """Which of camera_file, size, rate_hz, times_file, scene, topics, conventions this layout can use."""
 
     def recognizes(self, path: Path) -> bool:
         """Whether the folder or file looks like this layout; reads no more than a file's first bytes."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose
 from meshslam.sequences.conventions import CONVENTIONS, Convention
-from meshslam.sequences.imu_files import read_camera_from_body, with_imu
 from meshslam.sequences.loader import Loader, LoadOptions
+from meshslam.sequences.mounting_files import read_camera_from_body, with_imu
 from meshslam.sequences.pose_files import with_poses
 from meshslam.sequences.report import Progress, Report, no_progress
 from meshslam.sequences.selection import Selection, selected
@@ -26,6 +26,7 @@ class RecordingOptions:
     camera_file: Path | None = None
     size: tuple[int, int] | None = None
     rate_hz: float | None = None
+    times_file: Path | None = None
     scene: str | None = None
     detections_path: Path | None = None
     imu: Path | None = None
@@ -69,6 +70,7 @@ def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOpt
         camera_file=given.camera_file,
         size=given.size,
         rate_hz=given.rate_hz,
+        times_file=given.times_file,
         scene=given.scene,
         topics=given.topics,
         kept_index=given.kept_index,
@@ -79,6 +81,7 @@ _FLAGS = {
     "camera_file": "--camera FILE",
     "size": "--size",
     "rate_hz": "--rate",
+    "times_file": "--times FILE",
     "scene": "--scene",
     "topics": "--topic",
 }
@@ -87,9 +90,14 @@ _FLAGS = {
 def _check_accepted(loader: Loader, path: Path, given: RecordingOptions) -> None:
     for name, flag in _FLAGS.items():
         if getattr(given, name) and name not in loader.accepts:
-            raise SequenceError(f"{path}: {flag} is not for recordings of the layout {loader.name}: leave it out")
+            other = ", or give --times FILE" if name == "rate_hz" and "times_file" in loader.accepts else ""
+            raise SequenceError(
+                f"{path}: {flag} is not for recordings of the layout {loader.name}: leave it out{other}"
+            )
     if given.size is not None and given.camera_file is None:
         raise SequenceError(f"{path}: --size is the size of the images that --camera FILE is scaled to: give both")
+    if given.rate_hz is not None and given.times_file is not None:
+        raise SequenceError(f"{given.times_file}: --times FILE and --rate both say when frames are: give one of them")
 
 
 def _body(loader: Loader, path: Path, given: RecordingOptions) -> Pose | None:

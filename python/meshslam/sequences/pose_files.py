@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.geometry import Floats, Pose
-from meshslam.sequences.colmap_images import is_colmap_images, read_colmap_images
+from meshslam.sequences.colmap_images import by_file_name, is_colmap_images, read_colmap_images
 from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.pose_matching import all_or_some, poses_at
@@ -106,7 +106,7 @@ def _are_nanoseconds(times: Floats) -> bool:
 def _colmap(sequence: Sequence, path: Path, report: Report) -> dict[int, Pose]:
     if sequence.images is None:
         raise fail(path, "", "COLMAP's poses go by the images' names, but the recording has no images")
-    placed = read_colmap_images(path)
+    placed = by_file_name(path, read_colmap_images(path))
     names = sequence.images.names
     found = {i: WORLD_FROM_FIRST_CAMERA @ placed[n][0].inverse() for i, n in enumerate(names) if n in placed}
     if not found:

@@ -19,6 +19,7 @@ from meshslam.sequences.images import MAX_PIXELS
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import Sequence
+from meshslam.sequences.time_files import read_frame_times
 
 SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 _AHEAD = 60  # frames that are decoded one after the other rather than looked for
@@ -26,11 +27,11 @@ _AHEAD = 60  # frames that are decoded one after the other rather than looked fo
 
 @dataclass(frozen=True)
 class Video:
-    """Times are the frames' own, which may begin at any time and step unevenly; turned as the file says."""
+    """Times are the frames' own, uneven or not, or those of --times FILE; turned as the file says."""
 
     name: str = "video"
     looks_for: str = "a file .mp4, .mov, .avi, .mkv or .webm"
-    accepts: frozenset[str] = frozenset({"camera_file", "size"})
+    accepts: frozenset[str] = frozenset({"camera_file", "size", "times_file"})
 
     def recognizes(self, path: Path) -> bool:
         """By the file's first bytes."""
@@ -46,6 +47,8 @@ class Video:
 
     def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
         """Index the frames' times, decode the first; see Loader."""
+        if path.is_dir():
+            raise fail(path, "", f"is a folder, expected a video's file, {', '.join(SUFFIXES)}")
         if options.camera_file is None:
             raise fail(path, "", "a video says nothing of its camera: give --camera FILE (docs/cameras.md)")
         stamps, second = _index(path)
@@ -57,13 +60,16 @@ class Video:
         if turn:
             report.note(path, "", f"frames are turned by {turn}° as the video says: the camera is of {width}x{height}")
         found = read_camera(options.camera_file, options.camera_number, options.size or (width, height), report)
+        times_s = np.array(stamps) * second
+        if options.times_file is not None:
+            times_s = read_frame_times(options.times_file, len(stamps), path, report)
         return Sequence(
             name=path.stem,
             layout=self.name,
             root=path,
             camera=found.camera,
             frame_ids=tuple(range(len(stamps))),
-            times_s=np.array(stamps) * second,
+            times_s=times_s,
             images=images,
             detections_path=options.detections_path,
             imu_from_camera=found.imu_from_camera,
@@ -125,7 +131,7 @@ class VideoImages:
         return VideoImages(self.path, tuple(self.stamps[i] for i in indices))
 
     def _decoded(self, index: int) -> Any:  # noqa: ANN401 # PyAV's frame
-        av = _av()
+        av = import_av()
         wanted = self.stamps[index]
         try:
             if self._frames is None or not self._next <= index < self._next + _AHEAD:
@@ -143,19 +149,20 @@ class VideoImages:
         raise SequenceError(f"{self.path}: frame {index} cannot be decoded: the video is damaged or cut there")
 
 
-def _av() -> Any:  # noqa: ANN401 # the extra's module
+def import_av(where: str = "") -> Any:  # noqa: ANN401 # the extra's module
+    """PyAV, silent; SequenceError, which begins with `where`, if it is not installed."""
     try:
         import av
         import av.error
     except ImportError:
-        raise SequenceError('video needs PyAV: pip install "meshslam[video]"') from None
+        raise SequenceError(f'{where}video needs PyAV: pip install "meshslam[video]"') from None
     av.logging.set_level(None)
     return av
 
 
 def _index(path: Path) -> tuple[list[int], float]:
     """The stamps of all frames in order, from their packets, and the unit of stamps in seconds."""
-    av = _av()
+    av = import_av()
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
@@ -170,7 +177,7 @@ def _index(path: Path) -> tuple[list[int], float]:
 
 def _decoder(path: Path, stamp: int) -> Iterator[Any]:
     """Frames from the key frame before a stamp on."""
-    with _av().open(str(path)) as container:
+    with import_av().open(str(path)) as container:
         stream = container.streams.video[0]
         container.seek(stamp, stream=stream, backward=True)
         yield from container.decode(stream)

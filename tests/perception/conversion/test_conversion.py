@@ -73,6 +73,27 @@ def test_yolo_lines_that_are_wrong_are_named_with_their_place(tmp_path, line):
         from_yolo_txt(tmp_path, FRAMES)
 
 
+@pytest.mark.parametrize(("given", "track"), [(7, 7), (-1, None), (None, None)])
+def test_coco_results_keep_tracks_as_tao_has_them(tmp_path, given, track):
+    row = {"image_id": 2, "category_id": 3, "segmentation": encode_mask(square(5, 7)), "score": 0.7, "track_id": given}
+    (tmp_path / "results.json").write_text(json.dumps([row]))
+    assert from_coco_results(tmp_path / "results.json", FRAMES).detections[0].track_id == track
+    (tmp_path / "results.json").write_text(json.dumps([row | {"track_id": "7"}]))
+    with pytest.raises(DetectionError, match=r'track_id: found "7", expected an integer'):
+        from_coco_results(tmp_path / "results.json", FRAMES)
+
+
+def test_openpifpaf_keeps_the_tracks_of_the_masks(tmp_path):
+    row = {"image_id": 1, "category_id": 3, "segmentation": encode_mask(square(4, 10, 20)), "score": 0.9, "track_id": 5}
+    (tmp_path / "results.json").write_text(json.dumps([row]))
+    points = np.column_stack([4 + np.arange(24) % 5 * 4, 10 + np.arange(24) // 5 * 4, np.ones(24)])
+    (tmp_path / "points").mkdir()
+    (tmp_path / "points" / "1.predictions.json").write_text(json.dumps([{"keypoints": points.ravel().tolist()}]))
+    (found,) = with_openpifpaf(tmp_path / "points", from_coco_results(tmp_path / "results.json", FRAMES)).detections
+    assert found.keypoints is not None
+    assert found.track_id == 5
+
+
 def test_mots_text_and_pictures_say_the_same(tmp_path):
     masks = {1003: square(4, 4), 2007: square(30, 20), 10000: square(50, 2, 8)}
     picture = np.zeros((48, 64), np.uint16)

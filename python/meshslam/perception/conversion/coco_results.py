@@ -12,7 +12,7 @@ from meshslam.perception.coco import COCO_NUMBERS
 from meshslam.perception.conversion.class_numbers import class_note
 from meshslam.perception.conversion.frames import LARGEST_DIGITS, Found, ImageFrames, gathered
 from meshslam.perception.detections import DetectionSet
-from meshslam.perception.json_values import is_name, load_json, quoted
+from meshslam.perception.json_values import LARGEST_NUMBER, is_name, load_json, quoted
 from meshslam.perception.masks import is_finite_number, segmentation_problem
 
 
@@ -68,4 +68,8 @@ def _found(row: object, where: str, frames: ImageFrames, names: Mapping[int, str
     problem = segmentation_problem(segmentation, frames.height, frames.width)
     if problem:
         raise DetectionError(f"{where}: segmentation: {problem} (boxes alone are not enough)")
-    return Found(frames.known(frame, where), names[category], float(score), segmentation)  # type: ignore[arg-type] # checked
+    track = row.get("track_id")  # TAO's results have it
+    if track is not None and (type(track) is not int or abs(track) >= LARGEST_NUMBER):
+        raise DetectionError(f"{where}: track_id: found {quoted(track)}, expected an integer")
+    number = track if track is not None and track >= 0 else None
+    return Found(frames.known(frame, where), names[category], float(score), segmentation, number)  # type: ignore[arg-type] # checked

@@ -13,7 +13,9 @@ import numpy as np
 from meshslam.geometry import Floats
 from meshslam.sequences.bags.decoding import decoded, frame_of, stamp_ns
 from meshslam.sequences.bags.kinds import KINDS, Kind
+from meshslam.sequences.bags.pixels import bytes_of, form_of
 from meshslam.sequences.bags.store import Channel, Position, RawMessage, Store
+from meshslam.sequences.bags.video_images import is_key
 from meshslam.sequences.report import FoundError, Report, fail, late
 
 _COUNTED = 50  # messages between two words of progress
@@ -34,6 +36,8 @@ class Topic:
     header_ns: array[int] = field(default_factory=lambda: array("q"))  # when messages were taken
     log_ns: array[int] = field(default_factory=lambda: array("q"))  # when they were written
     positions: list[Position] = field(default_factory=list)  # of images
+    form: str = ""  # encoding or format of the first image
+    keys: list[bool] = field(default_factory=list)  # of video: which messages begin anew
     values: array[float] = field(default_factory=lambda: array("d"))  # wx wy wz ax ay az, or x y z qx qy qz qw
     camera: Any = None  # the first calibration
     camera_data: bytes = b""  # the message that it came in
@@ -43,6 +47,11 @@ class Topic:
     def name(self) -> str:
         """As `--topic` takes it."""
         return self.channel.topic
+
+    @property
+    def is_video(self) -> bool:
+        """Whether its images need those before them."""
+        return self.channel.type_name.endswith("CompressedVideo")
 
     @property
     def rows(self) -> Floats:
@@ -140,6 +149,9 @@ def _miss(topic: Topic, why: str) -> None:
 def _image(index: BagIndex, topic: Topic, message: Any, raw: RawMessage) -> bool:  # noqa: ANN401 # by the schema
     topic.stamp(message, raw)
     topic.positions.append(raw.position)
+    topic.form = topic.form or form_of(message)
+    if topic.is_video:
+        topic.keys.append(is_key(topic.form, bytes_of(message.data)))
     return True
 
 

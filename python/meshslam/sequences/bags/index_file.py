@@ -95,9 +95,12 @@ def _topic_out(topic: Topic, key: str, arrays: dict[str, Any]) -> dict[str, Any]
     for name in _ARRAYS:
         arrays[f"{key}_{name}"] = np.array(getattr(topic, name))
     arrays[f"{key}_positions"] = np.array(topic.positions, np.int64).reshape(-1, 3)
+    arrays[f"{key}_keys"] = np.array(topic.keys, bool)
     arrays[f"{key}_schema"] = np.frombuffer(topic.channel.schema, np.uint8)
     arrays[f"{key}_camera"] = np.frombuffer(topic.camera_data, np.uint8)
-    told = {name: getattr(topic, name) for name in ("count", "unreadable", "why", "frame", "child_frame", "changes")}
+    told = {
+        name: getattr(topic, name) for name in ("count", "unreadable", "why", "frame", "child_frame", "form", "changes")
+    }
     return told | {"channel": {name: v for name, v in asdict(topic.channel).items() if name != "schema"}}
 
 
@@ -107,6 +110,7 @@ def _topic_in(path: Path, told: dict[str, Any], key: str, file: Any) -> Topic:  
     for name, code in _ARRAYS.items():
         setattr(topic, name, array(code, file[f"{key}_{name}"].tobytes()))
     topic.positions = [Position(*row) for row in file[f"{key}_positions"].tolist()]
+    topic.keys = file[f"{key}_keys"].tolist()
     topic.camera_data = file[f"{key}_camera"].tobytes()
     if topic.camera_data:
         topic.camera = decoded(path, channel, topic.camera_data)

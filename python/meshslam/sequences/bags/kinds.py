@@ -9,6 +9,7 @@ Kind = Literal["image", "camera", "imu", "poses", "transforms"]
 _FOXGLOVE: dict[str, Kind] = {
     "RawImage": "image",
     "CompressedImage": "image",
+    "CompressedVideo": "image",
     "CameraCalibration": "camera",
     "PoseInFrame": "poses",
     "FrameTransform": "transforms",

@@ -24,8 +24,11 @@ from meshslam.sequences.bags.rosbag2 import is_ros2_folder, open_ros2_files, ope
 from meshslam.sequences.bags.store import MISSING, Store
 from meshslam.sequences.bags.topics import camera_topic, image_topic, imu_topic, poses_topic
 from meshslam.sequences.bags.transforms import fixed_transform, moving_poses, moving_root, poses_of
+from meshslam.sequences.bags.unpacking import unpacking_command
+from meshslam.sequences.bags.video_images import BagVideo, from_first_key, is_read
 from meshslam.sequences.cameras.read import read_camera
 from meshslam.sequences.folder import CameraFile
+from meshslam.sequences.image_source import ImageSource
 from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.pose_matching import all_or_some, poses_at
 from meshslam.sequences.report import Report, fail
@@ -50,6 +53,8 @@ class RosBag:
         """By a file's first bytes, or a folder's metadata."""
         if path.is_dir():
             return is_ros2_folder(path)
+        if unpacking_command(path, (".bag", ".db3")):
+            return path.is_file()
         start = _start(path)
         return start.startswith(ROS1_MAGIC) or (path.suffix == ".db3" and start.startswith(_SQLITE_MAGIC))
 
@@ -60,6 +65,7 @@ class RosBag:
     def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
         """See Loader."""
         _check_installed(path)
+        _check_unpacked(path)
         return _loaded(self.name, _ros_store(path, report), options, report)
 
 
@@ -73,7 +79,7 @@ class Mcap:
 
     def recognizes(self, path: Path) -> bool:
         """By a file's first bytes."""
-        return path.is_file() and _start(path).startswith(MCAP_MAGIC)
+        return path.is_file() and (_start(path).startswith(MCAP_MAGIC) or bool(unpacking_command(path, (".mcap",))))
 
     def image_files(self, path: Path, options: LoadOptions) -> list[Path]:
         """None: images lie in the file."""
@@ -82,6 +88,7 @@ class Mcap:
     def load(self, path: Path, options: LoadOptions, report: Report) -> Sequence:
         """See Loader."""
         _check_installed(path)
+        _check_unpacked(path)
         if not path.is_file() or not _start(path).startswith(MCAP_MAGIC):
             raise fail(path, "", "no MCAP file: its first bytes are not MCAP's")
         return _loaded(self.name, McapFiles(path, (path,)), options, report)
@@ -90,6 +97,12 @@ class Mcap:
 def _check_installed(path: Path) -> None:
     if any(importlib.util.find_spec(name) is None for name in ("rosbags", "mcap")):
         raise SequenceError(f"{path}: {MISSING}")
+
+
+def _check_unpacked(path: Path) -> None:
+    command = unpacking_command(path, (".bag", ".db3", ".mcap")) if path.is_file() else ""
+    if command:
+        raise fail(path, "", f"the file is compressed as a whole: unpack it first: {command}")
 
 
 def _start(path: Path) -> bytes:
@@ -118,14 +131,12 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
         raise SequenceError(
             f"{path}: a bag's cameras have no numbers: choose by --topic image=/… instead of --camera N"
         )
-    kept = indexed(store, options.kept_index, report)
-    index = kept.index
+    read = indexed(store, options.kept_index, report)
+    index = read.index
     topic = image_topic(index, options.topics, report)
     times_ns, order = _times_ns(path, topic, report)
-    positions = tuple(topic.positions[i] for i in order)
-    images = BagImages(store, topic.channel, positions, tuple(range(len(order))))
-    images = replace(images, bits=images.depth(report))
-    times_s = times_ns / 1e9
+    images, kept = _images(store, topic, order, report)
+    times_s = times_ns[kept] / 1e9
     camera = _camera(index, topic, images, options, report)
     imu, imu_from_camera = _imu(index, topic, times_s, options, report) if options.has_own_imu else (None, None)
     poses = _poses(index, topic, times_s, options, report) if options.has_own_poses else {}
@@ -147,8 +158,23 @@ def _loaded(layout: str, store: Store, options: LoadOptions, report: Report) -> 
         height_above_ground_m=height_m,
         distortion=camera.distortion,
         partial_poses=some,
-        index=kept,
+        index=read,
     )
+
+
+def _images(store: Store, topic: Topic, order: list[int], report: Report) -> tuple[BagImages | BagVideo, list[int]]:
+    """The frames' images, and which of the times they have."""
+    if topic.is_video:
+        if not is_read(topic.form):
+            what = f"its video is {topic.form!r:.40}: only h264 and h265 are read, convert it to one of them"
+            raise fail(store.path, topic.name, what)
+        kept = from_first_key(topic.name, topic.keys, order, store, report)
+        every, keys, numbers = tuple(topic.positions), tuple(topic.keys), tuple(range(len(kept)))
+        chosen = tuple(order[place] for place in kept)
+        return BagVideo(store, topic.channel, topic.form, every, keys, chosen, numbers), kept
+    positions = tuple(topic.positions[i] for i in order)
+    images = BagImages(store, topic.channel, positions, tuple(range(len(order))))
+    return replace(images, bits=images.depth(report)), list(range(len(order)))
 
 
 def _times_ns(path: Path, topic: Topic, report: Report) -> tuple[Floats, list[int]]:
@@ -165,7 +191,7 @@ def _times_ns(path: Path, topic: Topic, report: Report) -> tuple[Floats, list[in
     return distinct.astype(float), order.tolist()
 
 
-def _camera(index: BagIndex, topic: Topic, images: BagImages, options: LoadOptions, report: Report) -> CameraFile:
+def _camera(index: BagIndex, topic: Topic, images: ImageSource, options: LoadOptions, report: Report) -> CameraFile:
     height, width = images.read(0, None).shape[:2]
     if options.camera_file is not None:
         size = options.size or (width, height)

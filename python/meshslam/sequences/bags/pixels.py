@@ -20,11 +20,11 @@ _BAYER = {
     "gbrg": cv2.COLOR_BayerGR2BGR,
     "grbg": cv2.COLOR_BayerGB2BGR,
 }
+_DEPTH = ("16UC1", "16SC1", "32FC1", "64FC1")  # distances (REP 118), not what a camera sees
 _CODES = {  # (channels, bytes a channel, conversion to BGR)
     "mono8": (1, 1, cv2.COLOR_GRAY2BGR),
     "8UC1": (1, 1, cv2.COLOR_GRAY2BGR),
     "mono16": (1, 2, cv2.COLOR_GRAY2BGR),
-    "16UC1": (1, 2, cv2.COLOR_GRAY2BGR),
     "bgr8": (3, 1, None),
     "8UC3": (3, 1, None),
     "rgb8": (3, 1, cv2.COLOR_RGB2BGR),
@@ -38,6 +38,16 @@ _CODES = {  # (channels, bytes a channel, conversion to BGR)
     **{f"bayer_{name}8": (1, 1, code) for name, code in _BAYER.items()},
     **{f"bayer_{name}16": (1, 2, code) for name, code in _BAYER.items()},
 }
+
+
+def form_of(message: Any) -> str:  # noqa: ANN401 # by the schema
+    """An image's encoding, or the format of a compressed one."""
+    return str(getattr(message, "encoding", "") or getattr(message, "format", ""))
+
+
+def is_depth(form: str) -> bool:
+    """Whether an encoding or format is that of depth images."""
+    return form in _DEPTH or "compressedDepth" in form
 
 
 def image_of(path: Path, where: str, message: Any, size: tuple[int, int] | None, bits: int | None) -> Bytes:  # noqa: ANN401
@@ -79,12 +89,14 @@ def _values(path: Path, where: str, message: Any) -> tuple[np.ndarray, int | Non
     """Values (h, w[, channels]) of 8 or 16 bits, rows' padding left out, and OpenCV's conversion to BGR."""
     encoding, width, height = str(message.encoding), int(message.width), int(message.height)
     known = _CODES.get(encoding)
+    if is_depth(encoding):
+        raise fail(path, where, f"{encoding} is a depth image's encoding: choose the camera's topic by --topic image=…")
     if known is None:
         raise fail(path, where, f"unknown encoding {encoding!r:.40}: known are {', '.join(_CODES)}"[:280])
     channels, depth, code = known
     if not 0 < width * height <= MAX_PIXELS:
         raise fail(path, where, f"image of {width}x{height} pixels: between 1 and {MAX_PIXELS} are read")
-    data = np.frombuffer(_bytes_of(message.data), np.uint8)
+    data = np.frombuffer(bytes_of(message.data), np.uint8)
     row, step = width * channels * depth, int(message.step) or width * channels * depth
     if step < row or len(data) < step * (height - 1) + row:
         expected = f"{height} rows of {row} bytes every {step}"
@@ -96,7 +108,8 @@ def _values(path: Path, where: str, message: Any) -> tuple[np.ndarray, int | Non
     return values.astype(np.uint16 if depth == 2 else np.uint8, copy=False), code
 
 
-def _bytes_of(data: Any) -> bytes:  # noqa: ANN401 # arrays, bytes, base64 in JSON
+def bytes_of(data: Any) -> bytes:  # noqa: ANN401 # arrays, bytes, base64 in JSON
+    """A message's data."""
     if isinstance(data, str):
         return base64.b64decode(data)
     return data.tobytes() if isinstance(data, np.ndarray) else bytes(data)
@@ -104,8 +117,10 @@ def _bytes_of(data: Any) -> bytes:  # noqa: ANN401 # arrays, bytes, base64 in JS
 
 def _compressed(path: Path, where: str, message: Any, size: tuple[int, int] | None, bits: int | None) -> Bytes:  # noqa: ANN401
     form = str(getattr(message, "format", ""))
+    if is_depth(form):
+        raise fail(path, where, f"{form!r:.60} is a depth image's format: choose the camera's topic by --topic image=…")
     try:
-        image = decode_image(path, _bytes_of(message.data), size, bits)
+        image = decode_image(path, bytes_of(message.data), size, bits)
     except FoundError as error:
         raise fail(path, where, f"{error.problem.what} (format {form!r:.60})") from None
     mosaic = form.rpartition("compressed ")[2].strip()

@@ -12,7 +12,7 @@ from meshslam.sequences.bags.decoding import ros_type
 from meshslam.sequences.bags.kinds import KINDS
 from meshslam.sequences.bags.mcap_files import McapFiles
 from meshslam.sequences.bags.store import Channel, Position, RawMessage, Store
-from meshslam.sequences.bags.unpacking import unpacked
+from meshslam.sequences.bags.unpacking import unpacked, unpacking_command
 from meshslam.sequences.images import natural_key
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.text import read_yaml
@@ -27,13 +27,13 @@ def is_ros2_folder(path: Path) -> bool:
     if metadata.is_file():
         with metadata.open("rb") as file:
             return INFORMATION.encode() in file.read(4096)
-    return path.is_dir() and bool(_loose_files(path))
+    return path.is_dir() and bool(_loose_files(path) or _packed_files(path))
 
 
 def open_ros2_folder(path: Path, report: Report) -> Store:
     """The store of a folder's files; FoundError for missing files and storages that are not read."""
     if not (path / "metadata.yaml").is_file():
-        files = _loose_files(path)
+        files = _loose_files(path) or [_unpacked(file) for file in _packed_files(path)]
         report.note(path, "", "metadata.yaml is missing, as where a recording is cut off: all of its files are read")
         return open_ros2_files(path, files, "")
     file = path / "metadata.yaml"
@@ -42,9 +42,9 @@ def open_ros2_folder(path: Path, report: Report) -> Store:
     if not isinstance(told, dict) or not isinstance(names, list) or not names:
         raise fail(file, INFORMATION, "expected relative_file_paths, a list of the bag's files")
     mode = str(told.get("compression_mode") or "none").lower()
-    if mode == "file":
-        raise fail(file, "compression_mode", "files are compressed as a whole: unpack them by ros2 bag convert")
     files = [path / PurePath(str(name)).name for name in names]
+    if mode == "file":
+        files = [_unpacked(file) for file in files]
     return open_ros2_files(path, files, str(told.get("compression_format") or "") if mode == "message" else "")
 
 
@@ -61,9 +61,22 @@ def open_ros2_files(path: Path, files: list[Path], packed: str) -> Store:
     raise fail(path, "", f"files of {', '.join(sorted(kinds)) or 'no kind'}: only .db3 (SQLite) or .mcap are read")
 
 
+def _unpacked(file: Path) -> Path:
+    """What a file that rosbag2 compressed as a whole becomes; FoundError where it is not there, with the command."""
+    command = unpacking_command(file, SUFFIXES)
+    plain = file.with_suffix("") if command else file
+    if not plain.is_file() and file.is_file():
+        raise fail(file, "", f"the file is compressed as a whole: unpack each such file in its folder: {command}")
+    return plain
+
+
 def _loose_files(path: Path) -> list[Path]:
     files = sorted((p for p in path.iterdir() if p.suffix in SUFFIXES and p.is_file()), key=natural_key)
     return files if len({p.suffix for p in files}) == 1 else []
+
+
+def _packed_files(path: Path) -> list[Path]:
+    return sorted((p for p in path.iterdir() if unpacking_command(p, SUFFIXES)), key=natural_key)
 
 
 @dataclass(eq=False)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from meshslam.sequences.bags.index import BagIndex, Topic
 from meshslam.sequences.bags.kinds import Kind
+from meshslam.sequences.bags.pixels import is_depth
 from meshslam.sequences.report import Report, fail
 
 _WORDS: dict[Kind, str] = {
@@ -21,7 +22,11 @@ def image_topic(index: BagIndex, named: Mapping[str, str], report: Report) -> To
     """The image topic; FoundError where there is none, or more than one and none is named."""
     if "image" in named:
         return _named(index, "image", named["image"])
-    found = index.of("image")
+    every = index.of("image")
+    found = [topic for topic in every if not is_depth(topic.form)]
+    if every and not found:
+        held = ", ".join(f"{topic.name} ({topic.form[:30]})" for topic in every)
+        raise fail(index.path, "", f"only depth images are there, {held}: a camera's images are needed")
     if len(found) == 1:
         report.note(index.path, found[0].name, f"the only topic with images: {found[0].count} are taken as the frames")
         return found[0]
@@ -74,6 +79,10 @@ def _only(index: BagIndex, kind: Kind, named: Mapping[str, str], report: Report)
 
 def _named(index: BagIndex, kind: Kind, name: str) -> Topic:
     topic = index.topics.get(name) or index.topics.get("/" + name)
+    if topic is not None and kind == "image" and is_depth(topic.form):
+        others = ", ".join(t.name for t in index.of("image") if not is_depth(t.form)) or "none"
+        what = f"its images are {topic.form[:40]}: depth, not what a camera sees"
+        raise fail(index.path, f"--topic {kind}={name}", f"{what}; topics with images are {others}")
     if topic is not None and topic.kind == kind and topic.count > topic.unreadable:
         return topic
     there = ", ".join(t.name for t in index.of(kind)) or "none"

@@ -9,6 +9,28 @@ from pathlib import Path
 from meshslam.sequences.bags.store import LARGEST_CHUNK
 from meshslam.sequences.report import fail
 
+COMMANDS = {  # that unpack a whole file beside it, by its suffix
+    ".gz": "gunzip -k",
+    ".bz2": "bunzip2 -k",
+    ".xz": "unxz -k",
+    ".lz4": "unlz4 -k",
+    ".zst": "zstd -d",
+    ".zstd": "zstd -d",
+}
+
+
+def unpacking_command(path: Path, suffixes: tuple[str, ...]) -> str:
+    """What unpacks a file that is a bag of one of these suffixes, compressed as a whole; empty for any other.
+
+    >>> unpacking_command(Path("drive.bag.gz"), (".bag",))
+    'gunzip -k drive.bag.gz'
+    """
+    command = COMMANDS.get(path.suffix.lower())
+    if command is None or path.with_suffix("").suffix.lower() not in suffixes:
+        return ""
+    out = f" -o {path.with_suffix('').name}" if path.suffix.lower() == ".zstd" else ""  # which zstd does not know
+    return f"{command} {path.name}{out}"
+
 
 def unpacked(path: Path, where: str, kind: str, data: bytes) -> bytes:
     """Bytes of a chunk compressed by lz4, bz2, zstd or not at all; FoundError if it is damaged or too large."""

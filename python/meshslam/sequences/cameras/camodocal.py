@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from meshslam.sequences.cameras.found import FoundCamera, brown, needed, row_of, size_of
+from meshslam.geometry import Pose
+from meshslam.sequences.cameras.found import FoundCamera, brown, needed, number_of, row_of, size_of
 from meshslam.sequences.report import Report, fail
+from meshslam.sequences.text import rigid
 
 _PINHOLE, _FISHEYE = ("fx", "fy", "cx", "cy"), ("mu", "mv", "u0", "v0")
 
@@ -48,11 +50,31 @@ class Camodocal:
             model,
             coefficients,
             ("projection_parameters", "model_type", bent),
+            _mounting(path, content, report),
+            ("td", number_of(path, "td", content.get("td") or 0.0)),
         )
+
+
+def _mounting(path: Path, content: Mapping[str, Any], report: Report) -> Pose | None:
+    """VINS-Mono's configuration has the camera and imu^R_cam, imu^T_cam in one file."""
+    rotation, translation = content.get("extrinsicRotation"), content.get("extrinsicTranslation")
+    if rotation is None or translation is None or content.get("estimate_extrinsic") == 2:  # 2: not known at all
+        return None
+    turn = row_of(path, "extrinsicRotation", rotation, 9).reshape(3, 3)
+    note_first_guess(path, content, report)
+    return rigid(
+        path, "extrinsicRotation", np.column_stack([turn, row_of(path, "extrinsicTranslation", translation, 3)]), report
+    )
+
+
+def note_first_guess(path: Path, content: Mapping[str, Any], report: Report) -> None:
+    """Say where VINS itself does not trust the mounting."""
+    if content.get("estimate_extrinsic") == 1:
+        report.note(path, "estimate_extrinsic", "is 1: the mounting is a first guess, which VINS refines and we do not")
 
 
 def _named(path: Path, content: Mapping[str, Any], key: str, names: tuple[str, ...]) -> list[float]:
     part = needed(path, content, key)
     if not isinstance(part, dict):
         raise fail(path, key, f"expected the keys {', '.join(names)}")
-    return [float(row_of(path, f"{key}: {n}", needed(path, part, n, f"{key}: "), 1)[0]) for n in names]
+    return [number_of(path, f"{key}: {n}", needed(path, part, n, f"{key}: ")) for n in names]

@@ -29,6 +29,7 @@ class FoundCamera:
     coefficients: Floats = field(default_factory=lambda: np.zeros(0))
     keys: tuple[str, str, str] = ("intrinsics", "distortion_model", "distortion_coeffs")  # where these stand
     imu_from_camera: Pose | None = None
+    imu_ahead: tuple[str, float] = ("", 0.0)  # key and seconds by which the IMU's clock is ahead of the camera's
 
 
 class CameraFormat(Protocol):
@@ -47,6 +48,9 @@ class CameraFormat(Protocol):
 
 def camera_file(path: Path, found: FoundCamera, size: tuple[int, int] | None, report: Report) -> CameraFile:
     """The camera with its lens, its intrinsics scaled to images of `size`."""
+    key, ahead_s = found.imu_ahead
+    if ahead_s:
+        report.note(path, key, "the clocks' offset is no part of a camera: give the file as --imu-from-camera, too")
     raw = _raw_camera(path, found, size, report)
     distortion = distortion_of(path, found.keys[1:], found.model, found.coefficients, raw, report)
     return CameraFile(raw if distortion is None else distortion.camera, distortion, found.imu_from_camera)
@@ -99,8 +103,13 @@ def row_of(path: Path, key: str, value: object, count: int | None = None) -> Flo
     """Finite numbers in one row, `count` of them if given."""
     values = numbers_of(path, key, value).reshape(-1)
     if count is not None and len(values) != count:
-        raise fail(path, key, f"expected {count} numbers, found {len(values)}")
+        raise fail(path, key, f"expected {'one number' if count == 1 else f'{count} numbers'}, found {len(values)}")
     return values
+
+
+def number_of(path: Path, key: str, value: object) -> float:
+    """One finite number."""
+    return float(row_of(path, key, value, 1)[0])
 
 
 def from_matrix(path: Path, key: str, value: object) -> Floats:

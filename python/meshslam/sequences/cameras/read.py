@@ -11,22 +11,34 @@ from typing import Any
 import numpy as np
 
 from meshslam.sequences.cameras import colmap
+from meshslam.sequences.cameras.basalt import Basalt
 from meshslam.sequences.cameras.camodocal import Camodocal
 from meshslam.sequences.cameras.euroc import Euroc
 from meshslam.sequences.cameras.found import CameraFormat, FoundCamera, camera_file
 from meshslam.sequences.cameras.kalibr import Kalibr
 from meshslam.sequences.cameras.kitti_rectified import read_rectified, rectified_cameras
 from meshslam.sequences.cameras.opencv_storage import OpencvStorage
+from meshslam.sequences.cameras.orb_slam import OrbSlam
 from meshslam.sequences.cameras.ros_info import RosInfo
+from meshslam.sequences.cameras.vins import VinsFusion
 from meshslam.sequences.folder import CameraFile, read_camera_file
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.text import read_text, yaml_mapping
 
-FORMATS: tuple[CameraFormat, ...] = (Kalibr(), Camodocal(), Euroc(), RosInfo(), OpencvStorage())  # asked in this order
+FORMATS: tuple[CameraFormat, ...] = (  # asked in this order
+    Kalibr(),
+    Basalt(),
+    OrbSlam(),
+    VinsFusion(),
+    Camodocal(),
+    Euroc(),
+    RosInfo(),
+    OpencvStorage(),
+)
 _LARGEST_BYTES = 4 << 20
 _FORMATS_IN_WORDS = (
-    "our camera.yaml, Kalibr's camchain, ROS' camera_info, OpenCV's FileStorage, EuRoC's sensor.yaml, camodocal's, "
-    "KITTI-360's perspective.txt, COLMAP's cameras.txt or .bin"
+    "our camera.yaml, Kalibr's camchain, ROS' camera_info, OpenCV's FileStorage, EuRoC's sensor.yaml, ORB-SLAM's "
+    "settings, VINS' configuration, camodocal's, Basalt's JSON, KITTI-360's perspective.txt, COLMAP's cameras"
 )
 Reader = Callable[[Report], FoundCamera]
 
@@ -47,11 +59,11 @@ def read_camera(
     """
     report = Report() if report is None else report
     data = _data(path)
-    rows = colmap.from_binary(data)
-    if rows:
+    if path.suffix == ".bin" or b"\0\0" in data[:8]:
+        rows = colmap.from_binary(path, data)
+        if not rows:
+            raise fail(path, "", "holds no cameras")
         return _chosen(path, _colmap_readers(path, rows), number, size, report)
-    if path.suffix == ".bin":
-        raise fail(path, "", "expected COLMAP's cameras.bin: it is cut, or has a model that is not read")
     text = read_text(path)
     rectified = rectified_cameras(text)
     if rectified:
@@ -110,7 +122,7 @@ def _chosen(
     """The camera of that number, or the only one; FoundError, naming all, where it is not clear which."""
     listed = ", ".join(f"{n} ({name})" for n, (name, _) in sorted(readers.items())[:12])
     if number is None and len(readers) > 1:
-        raise fail(path, "", f"holds {len(readers)} cameras: choose one by its number: {listed}"[:250])
+        raise fail(path, "", f"holds {len(readers)} cameras: choose one by its number, --camera N: {listed}"[:250])
     chosen = next(iter(readers)) if number is None else number
     if chosen not in readers:
         raise fail(path, "", f"holds no camera {chosen}, only {listed}"[:250])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from meshslam.geometry import Pose
 from meshslam.sequences.cameras.read import read_camera
-from meshslam.sequences.colmap_images import read_colmap_images
+from meshslam.sequences.colmap_images import by_file_name, read_colmap_images
 from meshslam.sequences.conventions import WORLD_FROM_FIRST_CAMERA
 from meshslam.sequences.image_source import ImageFiles
 from meshslam.sequences.images import are_numbered, frame_numbers, image_bits, list_images, note_turn
@@ -23,7 +25,7 @@ class Colmap:
 
     name: str = "colmap"
     looks_for: str = "a folder that holds images and sparse/0 with cameras and images"
-    accepts: frozenset[str] = frozenset({"rate_hz"})
+    accepts: frozenset[str] = frozenset({"rate_hz", "times_file"})
 
     def recognizes(self, path: Path) -> bool:
         """By its model."""
@@ -39,22 +41,23 @@ class Colmap:
         if model is None:
             raise fail(path, "", "holds no sparse/0 with COLMAP's cameras and images, .txt or .bin")
         cameras, images = model
-        listed = list_images(path / "images")
-        placed = read_colmap_images(images)
-        ids = {placed[file.name][1] for file in listed if file.name in placed}
-        if not ids:
-            raise fail(images, "", f"no image of it is in images/, such as {listed[0].name}")
+        _note_others(path, images, report)
+        placed = _on_disk(path / "images", images)
+        ids = {camera for _, camera in placed.values()}
         number = options.camera_number if options.camera_number is not None else ids.pop() if len(ids) == 1 else None
         if number is None:
             names = ", ".join(map(str, sorted(ids)[:8]))
             raise fail(images, "", f"the images are of the cameras {names}: choose one by --camera N")
         found = read_camera(cameras, number, report=report)
-        files = [file for file in listed if placed.get(file.name, (None, number))[1] == number]
-        frame_ids = frame_numbers(files) if are_numbered(files) else tuple(range(len(files)))
+        files = _of_camera(placed, number)
+        if not files:
+            names = ", ".join(map(str, sorted(ids)[:8]))
+            raise fail(images, "", f"no image is of the camera {number}, they are of {names}: choose one by --camera N")
+        frame_ids = _numbers(files)
         known = {
-            i: WORLD_FROM_FIRST_CAMERA @ placed[file.name][0].inverse()
+            i: WORLD_FROM_FIRST_CAMERA @ placed[file][0].inverse()
             for i, file in enumerate(files)
-            if file.name in placed and options.has_own_poses
+            if file in placed and options.has_own_poses
         }
         if 0 < len(known) < len(files):
             report.note(
@@ -68,7 +71,7 @@ class Colmap:
             root=path,
             camera=found.camera,
             frame_ids=frame_ids,
-            times_s=frame_times(path / "images", files, frame_ids, options.rate_hz, report),
+            times_s=frame_times(path / "images", files, frame_ids, options, report),
             images=ImageFiles(tuple(files), image_bits(files, report)),
             world_from_camera=every,
             is_levelled=False,
@@ -86,3 +89,41 @@ def _model(path: Path) -> tuple[Path, Path] | None:
             if cameras.is_file() and images.is_file():
                 return cameras, images
     return None
+
+
+def _note_others(path: Path, images: Path, report: Report) -> None:
+    """COLMAP writes a model for each part that it could not join; the first need not be the largest."""
+    models = [p for p in sorted((path / "sparse").glob("[0-9]*")) if (p / images.name).is_file()]
+    if images.parent in models and len(models) > 1:
+        names = ", ".join(model.name for model in models[:8])
+        said = (
+            f"COLMAP made {len(models)} models ({names}), {images.parent.name} is read: keep another alone in sparse/"
+        )
+        report.note(path / "sparse", "", said)
+
+
+def _on_disk(folder: Path, images: Path) -> dict[Path, tuple[Pose, int]]:
+    """camera_from_world and the camera of the model's images that are there: by their names, else without folders."""
+    placed = read_colmap_images(images)
+    inside = {n: v for n, v in placed.items() if ".." not in n.split("/") and not n.startswith("/")}
+    there = {folder / name: value for name, value in inside.items() if (folder / name).is_file()}
+    if not there:
+        there = {folder / n: v for n, v in by_file_name(images, inside).items() if (folder / n).is_file()}
+    if not there:
+        first = next(iter(placed))[-60:]
+        raise fail(
+            images, "", f"none of its {len(placed)} images, such as {first}, is in {folder}: is it another's model?"
+        )
+    return there
+
+
+def _of_camera(placed: Mapping[Path, tuple[Pose, int]], number: int) -> list[Path]:
+    """The camera's images, and those beside them that have no pose, in order."""
+    folders = sorted({path.parent for path, (_, camera) in placed.items() if camera == number})
+    listed = [file for folder in folders for file in list_images(folder)]
+    return [file for file in listed if file not in placed or placed[file][1] == number]
+
+
+def _numbers(files: list[Path]) -> tuple[int, ...]:
+    numbers = frame_numbers(files) if are_numbered(files) and len({f.parent for f in files}) == 1 else ()
+    return numbers or tuple(range(len(files)))

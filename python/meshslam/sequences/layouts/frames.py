@@ -23,6 +23,7 @@ from meshslam.sequences.loader import LoadOptions
 from meshslam.sequences.report import IncompleteError, Report, fail
 from meshslam.sequences.sequence import Sequence
 from meshslam.sequences.text import read_times
+from meshslam.sequences.time_files import read_frame_times
 
 USUAL_RATE_HZ = 10.0
 _STAMP_DIGITS = 15  # of a name that is a time in microseconds or nanoseconds, no frame number
@@ -35,7 +36,7 @@ class Frames:
 
     name: str = "frames"
     looks_for: str = "a folder of images"
-    accepts: frozenset[str] = frozenset({"camera_file", "size", "rate_hz"})
+    accepts: frozenset[str] = frozenset({"camera_file", "size", "rate_hz", "times_file"})
 
     def recognizes(self, path: Path) -> bool:
         """By the images in it."""
@@ -57,7 +58,7 @@ class Frames:
         found = read_camera(given, options.camera_number, options.size or (width, height), report)
         has_numbers = are_numbered(files) and not _are_stamps(files)
         frame_ids = frame_numbers(files) if has_numbers else tuple(range(len(files)))
-        times_s = frame_times(path, files, frame_ids, options.rate_hz, report)
+        times_s = frame_times(path, files, frame_ids, options, report)
         note_turn(files, report)
         return Sequence(
             name=path.name,
@@ -79,9 +80,12 @@ def _are_stamps(files: list[Path]) -> bool:
 
 
 def frame_times(
-    path: Path, files: list[Path], frame_ids: tuple[int, ...], rate_hz: float | None, report: Report
+    path: Path, files: list[Path], frame_ids: tuple[int, ...], options: LoadOptions, report: Report
 ) -> Floats:
-    """From times.txt, from names that are stamps, else by the rate, which is said where none was given."""
+    """From --times FILE, times.txt, names that are stamps, else by the rate, which is said where none was given."""
+    rate_hz = options.rate_hz
+    if options.times_file is not None:
+        return read_frame_times(options.times_file, len(files), path, report)
     for listed in (path / "times.txt", path.parent / "times.txt"):
         if rate_hz is None and listed.is_file():
             times_s = read_times(listed, report)
@@ -93,8 +97,10 @@ def frame_times(
     if rate_hz is None and _are_stamps(files):
         unit_s = _SECONDS_OF_DIGITS.get(len(files[0].stem))
         if unit_s is None:
-            raise fail(files[0], "", "the name is no time in micro- or nanoseconds: give --rate HZ, or times.txt")
+            raise fail(files[0], "", "the name is no time in micro- or nanoseconds: give --rate HZ or --times FILE")
         return np.array([int(file.stem) for file in files]) * unit_s
     if rate_hz is None:
-        report.note(path, "", f"no times: {USUAL_RATE_HZ:.0f} frames a second are taken: --rate HZ for others")
+        report.note(
+            path, "", f"no times: {USUAL_RATE_HZ:.0f} frames a second are taken: --rate HZ or --times FILE for others"
+        )
     return np.array(frame_ids) / (rate_hz or USUAL_RATE_HZ)
