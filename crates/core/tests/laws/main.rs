@@ -18,6 +18,7 @@ mod problem;
 mod raster;
 mod residuals;
 mod template;
+mod tracks;
 mod triangulate;
 mod view;
 mod voxel;
