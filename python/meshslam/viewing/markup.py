@@ -14,6 +14,9 @@ from meshslam.errors import MapError
 from meshslam.geometry import AnyArray, Bytes, Floats
 
 UNKNOWN = "&ndash;"
+PNG_LEVEL = 6  # 9 takes ten times as long for 2%
+# flat faces pack best without a filter: a quarter smaller than by differences; OpenCV has the choice from 4.11 on
+PNG_FILTER = [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE] if hasattr(cv2, "IMWRITE_PNG_FILTER") else []
 
 
 def text(value: object) -> str:
@@ -59,7 +62,7 @@ def jpeg_uri(image: Bytes, quality: int = 80) -> str:
 
 def png_uri(image: Bytes) -> str:
     """A BGR or BGRA image as a data URI."""
-    return _uri("png", ".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return _uri("png", ".png", image, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL, *PNG_FILTER])
 
 
 def _uri(kind: str, suffix: str, image: Bytes, options: list[int]) -> str:
