@@ -13,7 +13,6 @@ from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
 from meshslam.viewing import (
     ReportContext,
-    can_plot,
     can_record,
     iterations_chart,
     path_chart,
@@ -90,8 +89,8 @@ def _save(
 def _charts(
     path: tuple[Pose, ...], scene: Map, others: Paths, figures: dict[str, float], run: RunDirectory
 ) -> tuple[tuple[str, bytes], ...]:
-    """path.png and iterations.png, as in the paper; none where the path was given, or without Matplotlib."""
-    if not others or not can_plot():
+    """path.png and iterations.png, as in the paper; none where the path was given."""
+    if not others:
         return ()
     drawn = dict(reversed(others.items())) | {"estimate": path}  # truth below, the estimate on top
     charts = [("path.png", "The path among the objects, from above.", path_chart(scene, drawn))]

@@ -8,7 +8,7 @@ from meshslam.viewing.markup import jpeg_uri, number, table, text
 from meshslam.viewing.mesh_drawing import mesh_picture
 from meshslam.viewing.overlay import draw_overlay
 from meshslam.viewing.overview import figure_rows, overview_page
-from meshslam.viewing.path_charts import can_plot, iterations_chart, lines_from_above, path_chart
+from meshslam.viewing.path_charts import iterations_chart, lines_from_above, path_chart
 from meshslam.viewing.recording import can_record, write_recording
 from meshslam.viewing.report import write_report
 
@@ -16,7 +16,6 @@ __all__ = [
     "Line",
     "ReportContext",
     "birds_eye",
-    "can_plot",
     "can_record",
     "category_page",
     "category_png",
