@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from meshslam.errors import MapError
+from meshslam.maps import ply
 from meshslam.maps.ply import PlyMesh, format_ply, read_mesh
 
 
@@ -90,3 +91,39 @@ def test_gltf_meshes_are_turned_z_up_and_what_is_not_read_right_is_refused(tmp_p
     (tmp_path / "car.glb").write_bytes(content.replace(b'"componentType":5126', b'"componentType":5122'))
     with pytest.raises(MapError, match="KHR_mesh_quantization"):
         read_mesh(tmp_path / "car.glb")
+
+
+@pytest.mark.parametrize("with_sigma", [True, False])
+def test_plain_files_are_read_as_trimesh_reads_them(tmp_path, mesh, with_sigma):
+    bare = PlyMesh(mesh.vertices, mesh.faces)
+    (tmp_path / "a.ply").write_bytes(format_ply(mesh if with_sigma else bare))
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "b.ply")
+    for name in ("a.ply", "b.ply"):
+        vertices, faces, data = ply._plain_ply(tmp_path / name)
+        expected = ply._any_mesh(tmp_path / name)
+        np.testing.assert_array_equal(vertices, expected[0])
+        np.testing.assert_array_equal(faces, expected[1])
+        for column in ("sigma_m", "observed"):
+            ours, theirs = ply._column(data, column), ply._column(expected[2], column)
+            assert (ours is None) == (theirs is None)
+            assert ours is None or (ours == theirs).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"little_endian", b"big_endian"),
+        (b"property float z", b"property float s"),
+        (b"property float z", b"property list uchar float z"),
+        (b"element face", b"element tristrips"),
+        (b"uchar int vertex_indices", b"uchar short vertex_indices"),
+        (b"end_header\n", b"end_header\r\n"),
+        (b"element vertex 642", b"element vertex 641"),
+        (b"\x03\x00", b"\x04\x00"),
+    ],
+)
+def test_what_is_not_plain_is_left_to_trimesh(tmp_path, mesh, old, new):
+    content = format_ply(PlyMesh(mesh.vertices, mesh.faces))
+    assert old in content
+    (tmp_path / "a.ply").write_bytes(content.replace(old, new, 1))
+    assert ply._plain_ply(tmp_path / "a.ply") is None

@@ -18,6 +18,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -50,6 +51,7 @@ def localize(
 
     Example: meshslam localize drive2 --map run1 --out run2
     """
+    check_inputs(config, sequence, map_path)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_localize

@@ -19,6 +19,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -51,6 +52,7 @@ def map_(
 
     Example: meshslam map 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out run48
     """
+    check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_map

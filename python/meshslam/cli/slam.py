@@ -18,6 +18,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -54,6 +55,7 @@ def slam(
 
     Example: meshslam slam drive --out run
     """
+    check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import overlaid, read_config, run_slam

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from meshslam.features import PointConfig, PointTracks
 from meshslam.geometry import Bools, Camera, Floats, Pose, geman_mcclure_soft, hat
@@ -168,6 +167,8 @@ def square_root(hessian: Floats, gradient: Floats, cost: float) -> tuple[Floats,
 
     Place, turn and scale of all cameras together are free: a trace of information keeps Cholesky's factor whole there.
     """
+    from scipy.linalg import solve_triangular  # slow to import
+
     trace = _LEAST_INFORMATION * float(hessian.diagonal().max()) * np.eye(len(gradient))
     lower = np.linalg.cholesky(hessian + trace)
     residual = solve_triangular(lower, gradient, lower=True, check_finite=False)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Rows
+from typing import TYPE_CHECKING
 
 from meshslam.categories import load_category
 from meshslam.geometry import Floats, Pose
-from meshslam.localization import Localization
-from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory
 from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
@@ -19,6 +18,10 @@ from meshslam.viewing import (
     write_recording,
     write_report,
 )
+
+if TYPE_CHECKING:
+    from meshslam.localization import Localization
+    from meshslam.mapping import ObjectMapping
 
 Paths = dict[str, tuple[Pose, ...]]
 

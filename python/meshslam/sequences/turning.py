@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from meshslam.geometry import Floats
 from meshslam.sequences.sequence import Sequence
@@ -33,6 +32,8 @@ def _homography(matrix: Floats, world_from_camera: dict[int, Floats], first: int
 
 def _camera_rotations(sequence: Sequence) -> list[Floats] | None:
     """World from camera (3, 3) of each frame; the world's axes are any that stay."""
+    from scipy.spatial.transform import Rotation, Slerp  # slow to import
+
     if sequence.world_from_camera is not None:
         return [pose.rotation for pose in sequence.world_from_camera]
     imu, mounted = sequence.imu, sequence.imu_from_camera
