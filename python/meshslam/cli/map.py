@@ -55,7 +55,7 @@ def map_(
     check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
-    from meshslam.runs import overlaid, read_config, run_map
+    from meshslam.runs import Clock, overlaid, read_config, run_map
 
     settings = with_input(
         read_config(config, "map"),
@@ -73,6 +73,6 @@ def map_(
     if solver is not None:
         settings = overlaid(settings, {"objects": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
-        figures = run_map(settings, out, outlet, overwrite=overwrite)
+        figures = run_map(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
     show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

@@ -58,7 +58,7 @@ def slam(
     check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
-    from meshslam.runs import overlaid, read_config, run_slam
+    from meshslam.runs import Clock, overlaid, read_config, run_slam
 
     settings = with_input(
         read_config(config, "slam"),
@@ -80,6 +80,6 @@ def slam(
     if solver is not None:
         settings = overlaid(settings, {"slam": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
-        figures = run_slam(settings, out, outlet, overwrite=overwrite)
+        figures = run_slam(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
     show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

@@ -6,6 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.runs.api import evaluate, localize, map_drive, slam
+    from meshslam.runs.clock import Clock
     from meshslam.runs.commands import users, uses
     from meshslam.runs.config import Config, InputConfig
     from meshslam.runs.judging import check_recording
@@ -25,6 +26,7 @@ else:
         __name__,
         {
             "api": "evaluate localize map_drive slam",
+            "clock": "Clock",
             "commands": "users uses",
             "config": "Config InputConfig",
             "judging": "check_recording",
@@ -43,6 +45,7 @@ else:
     )
 
 __all__ = [
+    "Clock",
     "Config",
     "InputConfig",
     "Outlet",

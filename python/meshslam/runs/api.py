@@ -12,6 +12,7 @@ from meshslam.maps import Map, Trajectory
 from meshslam.object_slam import SlamResult
 from meshslam.perception import DetectionSet
 from meshslam.runs import stages
+from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.localize_run import localize_recording
 from meshslam.runs.map_run import MapResult, map_recording
@@ -62,8 +63,9 @@ def map_drive(
         result.map.save("run")
 
     """
+    clock = Clock()
     recording, settings, outlet = _opened(drive, segmenter, category, config, progress, use_imu=False)
-    return map_recording(recording, settings, outlet).result(recording, outlet)
+    return map_recording(recording, settings, outlet, clock=clock).result(recording, outlet)
 
 
 def localize(
@@ -86,11 +88,9 @@ def localize(
         path.positions_in_world  # (n, 3), metres
 
     """
+    clock = Clock()
     recording, settings, outlet = _opened(drive, segmenter, None, config, progress)
-    scene, clock = (
-        map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside),
-        stages.Clock(),
-    )
+    scene = map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside)
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
     figures = stages.run_figures(found.figures, len(recording), clock)
@@ -117,8 +117,8 @@ def slam(
         result.trajectory.positions_in_world  # (n, 3), metres
 
     """
+    clock = Clock()
     recording, settings, outlet = _opened(drive, segmenter, category, config, progress)
-    clock = stages.Clock()
     result = slam_recording(recording, settings, outlet, clock)
     own = stages.figures(recording, result.mapping, clock)
     return replace(result, figures=own | result.figures, notes=tuple(outlet.notes))

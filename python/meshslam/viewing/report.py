@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from string import Template
 
 from meshslam.viewing.context import ReportContext
@@ -20,23 +22,30 @@ HEADLINES = ("mask_iou_shape", "voxel_iou_mean", "recall", "ate_rmse_m", "millis
 HEADLINE_LABELS = {"mask_iou_shape": "mask IoU", "voxel_iou_mean": "voxel IoU", "milliseconds_per_frame": "per frame"}
 
 
-def write_report(context: ReportContext) -> str:
-    """The whole page as text; each image is read once, and only a few of them are in memory."""
+def write_report(context: ReportContext, last_metrics: Callable[[], Mapping[str, float]] | None = None) -> str:
+    """The whole page as text; each image is read once, and only a few of them are in memory.
+
+    `last_metrics` is asked for the figures once everything else is drawn, in place of the context's: so that they can
+    hold what drawing took.
+    """
     pictures, pairs = _drawn(context)
     before_after = crops(pairs)
     left_out = left_out_table(context)
+    scene = script_json(scene_data(context.map, context.camera, context.world_from_camera))
+    plan = birds_eye(context.map, context.world_from_camera, context.other_paths)
+    context = context if last_metrics is None else replace(context, metrics=last_metrics())
     return Template(asset("report.html")).substitute(
         title=text(context.title),
         style=asset("report.css"),
         headline=_headline(context),
         frames=filmstrip(pictures) if pictures else "",
         keypoints=keypoint_legend(context),
-        plan=birds_eye(context.map, context.world_from_camera, context.other_paths),
+        plan=plan,
         objects=objects_table(context),
         crops=_section("Category mean and instance", before_after) if before_after else "",
         left_out=_section("Tracks left out", left_out) if left_out else "",
         figures=_figures(context),
-        scene=script_json(scene_data(context.map, context.camera, context.world_from_camera)),
+        scene=scene,
         viewer=asset("viewer.js"),
         script=asset("report.js"),
     )
