@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from meshslam.geometry.assignment import best_pairs
     from meshslam.geometry.camera import Camera
     from meshslam.geometry.gltf_check import check_gltf, is_gltf
+    from meshslam.geometry.hull import convex_hull
     from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
     from meshslam.geometry.mask_iou_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
     from meshslam.geometry.object_model import (
@@ -55,6 +56,7 @@ else:
                 "PixelDerivatives camera_points keypoint_loss keypoint_loss_gradient keypoint_pixels mask_loss "
                 "mask_loss_gradient mesh_masks pixel_derivatives projection_derivative selection"
             ),
+            "hull": "convex_hull",
             "assignment": "best_pairs",
             "quaternions": "quaternions_of_rotations rotations_of_quaternions",
             "pose": "Pose QuaternionOrder nearest_rotation",
@@ -92,6 +94,7 @@ __all__ = [
     "best_pairs",
     "camera_points",
     "check_gltf",
+    "convex_hull",
     "cotangent_weights",
     "coverage",
     "cross_matrix",

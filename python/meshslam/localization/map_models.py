@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.errors import MapError
-from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose
+from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose, convex_hull
 from meshslam.maps import Map, MapObject
 
 NEAR_M = 0.3
@@ -53,17 +53,14 @@ def box_corners(vertices: Floats) -> Floats:
 
 def coarse_hull(vertices: Floats) -> tuple[Floats, Ints]:
     """The convex hull of vertices rounded to a grid: some hundred faces, turned outwards; the box if it is flat."""
-    from scipy.spatial import ConvexHull, QhullError  # slow to import
-
     rounded = np.unique(np.round(vertices / _GRID_M), axis=0) * _GRID_M
-    try:
-        hull = ConvexHull(rounded)
-    except QhullError:
+    hull = convex_hull(rounded)
+    if hull is None:
         corners = box_corners(vertices)
         return corners, np.array(
             [[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]
         )
-    used, faces = np.unique(hull.simplices, return_inverse=True)
+    used, faces = np.unique(hull, return_inverse=True)
     return rounded[used], np.asarray(faces, np.int64).reshape(-1, 3)
 
 
