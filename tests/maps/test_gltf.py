@@ -1,4 +1,6 @@
 import io
+import json
+import struct
 
 import numpy as np
 import pytest
@@ -79,3 +81,30 @@ def test_empty_maps_and_standing_cameras_are_drawn(tmp_path, a_map):
 def test_a_path_straight_up_is_a_tube(a_map):
     climb = Trajectory(np.arange(5.0), tuple(Pose(np.eye(3), np.array([0, 0, float(i)])) for i in range(5)))
     assert np.isfinite(scene_of(to_glb(Map(()), climb)).bounds).all()
+
+
+def test_the_file_is_what_trimesh_writes(a_map, path):
+    scene = scene_of(to_glb(a_map, path))
+    for thing in a_map.objects:
+        _, name = scene.graph[f"car_{thing.id}"]
+        mesh, expected = scene.geometry[name], trimesh.Trimesh(thing.vertices, thing.faces, process=False)
+        np.testing.assert_array_equal(mesh.faces, thing.faces)
+        np.testing.assert_allclose(mesh.vertices, thing.vertices, atol=1e-6)
+        np.testing.assert_allclose(mesh.vertex_normals, expected.vertex_normals, atol=1e-5)
+        np.testing.assert_array_equal(mesh.visual.vertex_colors, linear(vertex_colours(thing)))
+
+
+def test_lengths_and_places_in_the_file_are_right(a_map, path):
+    content = to_glb(a_map, path)
+    assert struct.unpack("<4sII", content[:12]) == (b"glTF", 2, len(content))
+    length = struct.unpack("<I", content[12:16])[0]
+    document = json.loads(content[20 : 20 + length])
+    binary = content[20 + length + 8 :]
+    assert struct.unpack("<I4s", content[20 + length : 28 + length]) == (len(binary), b"BIN\0")
+    assert document["buffers"] == [{"byteLength": len(binary)}]
+    sizes = {5121: 1, 5125: 4, 5126: 4}, {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+    for accessor in document["accessors"]:
+        view = document["bufferViews"][accessor["bufferView"]]
+        size = sizes[0][accessor["componentType"]]
+        assert view["byteOffset"] % size == 0
+        assert view["byteLength"] == accessor["count"] * size * sizes[1][accessor["type"]]
