@@ -16,6 +16,7 @@ def best_pairs(scores: Floats) -> list[tuple[int, int]]:
     Shortest augmenting paths (Jonker and Volgenant 1987; Crouse 2016). The same scores give the same pairs, also where
     several would be the best. GeometryError for a score that is not finite.
 
+    >>> import numpy as np
     >>> best_pairs(np.array([[0.9, 0.8], [0.7, 0.1], [0.0, 0.0]]))
     [(0, 1), (1, 0)]
     """
