@@ -47,7 +47,7 @@ def decode_segmentation(segmentation: Segmentation, height: int, width: int) -> 
         return mask
     first = int((ends[1::2] - runs[1::2])[runs[1::2] > 0][0]) // height  # column of the first pixel, and of the last
     last = (int(set_ends[-1]) - 1) // height
-    inside = np.diff(np.clip(ends, first * height, (last + 1) * height), prepend=first * height)
+    inside: Ints = np.diff(np.clip(ends, first * height, (last + 1) * height), prepend=first * height).astype(np.int64)
     columns = np.repeat((np.arange(len(runs)) % 2).astype(np.uint8), inside)
     mask[:, first : last + 1] = columns.reshape(last + 1 - first, height).T
     return mask
