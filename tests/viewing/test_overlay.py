@@ -8,6 +8,36 @@ from meshslam.maps import Map, object_colour
 from meshslam.viewing import draw_overlay
 from meshslam.viewing.mesh_layer import laid_over, mesh_layer, scaled_camera, shapes_of
 from meshslam.viewing.overlay import LABEL_HEIGHT_PX, keypoint_colour, label_width, mask_contours, place_labels
+from tests.reference import mesh_layer as reference
+
+
+def picture(layer, camera):
+    """The whole layer (h, w, 4)."""
+    whole = np.zeros((camera.height, camera.width, 4), np.uint8)
+    for patch in layer.patches:
+        assert not whole[patch.inside].any()
+        whole[patch.inside] = patch.bgra
+    return whole
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_layer_equals_its_slow_twin(seed, camera, path, make_car):
+    rng = np.random.default_rng(seed)
+    places = zip(rng.uniform(-4, 30, 7), rng.uniform(-9, 9, 7), rng.uniform(-3, 3, 7), strict=True)
+    shapes = shapes_of(Map(tuple(make_car(i, x, y, yaw) for i, (x, y, yaw) in enumerate(places))))
+    layer = mesh_layer(camera, path[0], shapes, faint={2, 3})
+    expected, boxes = reference.mesh_layer(camera, path[0], shapes, faint={2, 3})
+    assert expected.any()
+    np.testing.assert_array_equal(picture(layer, camera), expected)
+    assert {n: tuple(box) for n, box in layer.boxes.items()} == boxes
+
+
+def test_only_what_meshes_reach_is_kept(camera, path, make_car):
+    apart = shapes_of(Map((make_car(1, 20.0, 5.0), make_car(2, 20.0, -5.0), make_car(3, 24.0, -5.0))))
+    layer = mesh_layer(camera, path[0], apart)
+    assert len(layer.patches) == 2
+    kept = sum(patch.bgra[..., 0].size for patch in layer.patches)
+    assert kept < 0.15 * camera.width * camera.height
 
 
 def test_a_mesh_is_drawn_where_its_mask_is(camera, path, cars):
@@ -15,7 +45,7 @@ def test_a_mesh_is_drawn_where_its_mask_is(camera, path, cars):
         layer = mesh_layer(camera, path[0], shapes_of(Map((thing,))))
         camera_from_object = path[0].inverse() @ thing.world_from_object
         mask = render(camera, [(camera_from_object, thing.vertices, thing.faces)]).mask
-        assert mask_iou(layer.bgra[..., 3] > 30, mask) > 0.93
+        assert mask_iou(picture(layer, camera)[..., 3] > 30, mask) > 0.93
         rows, columns = np.nonzero(mask)
         corners = [columns.min() - 0.5, rows.min() - 0.5, columns.max() + 0.5, rows.max() + 0.5]
         np.testing.assert_allclose(layer.boxes[thing.id], corners, atol=0.8)
@@ -23,15 +53,16 @@ def test_a_mesh_is_drawn_where_its_mask_is(camera, path, cars):
 
 def test_the_nearer_is_in_front(camera, path, make_car):
     near, far = make_car(1, 10.0, 0.0), make_car(2, 18.0, 0.0)
-    expected = mesh_layer(camera, path[0], shapes_of(Map((near,)))).bgra
+    expected = picture(mesh_layer(camera, path[0], shapes_of(Map((near,)))), camera)
     for pair in ((near, far), (far, near)):
-        drawn = mesh_layer(camera, path[0], tuple(shapes_of(Map(pair))[:: 1 if pair[0] is near else -1])).bgra
+        shapes = tuple(shapes_of(Map(pair))[:: 1 if pair[0] is near else -1])
+        drawn = picture(mesh_layer(camera, path[0], shapes), camera)
         inside = cv2.erode((expected[..., 3] > 0).astype(np.uint8), np.ones((5, 5))) > 0
         np.testing.assert_array_equal(drawn[inside], expected[inside])
 
 
 def test_colours_are_the_objects_own(camera, path, make_car):
-    layer = mesh_layer(camera, path[0], shapes_of(Map((make_car(5, 9.0, 0.0),)))).bgra
+    layer = picture(mesh_layer(camera, path[0], shapes_of(Map((make_car(5, 9.0, 0.0),)))), camera)
     inside = layer[..., 3] > 60
     mean = layer[inside][:, :3].mean(axis=0)
     own = object_colour(5)[::-1].astype(float)
@@ -40,7 +71,7 @@ def test_colours_are_the_objects_own(camera, path, make_car):
 
 def test_an_object_behind_the_camera_leaves_no_trace(camera, path, make_car):
     layer = mesh_layer(camera, path[0], shapes_of(Map((make_car(1, -9.0, 0.0),))))
-    assert not layer.bgra.any()
+    assert layer.patches == ()
     assert layer.boxes == {}
 
 

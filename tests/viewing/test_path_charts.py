@@ -1,10 +1,7 @@
-import pytest
-
 from meshslam.geometry import Pose
 from meshslam.maps import Map
 from meshslam.viewing.path_charts import iterations_chart, lines_from_above, path_chart
 
-pytest.importorskip("matplotlib")
 PNG = b"\x89PNG"
 
 

@@ -1,15 +1,36 @@
 """Categories of objects: template mesh, key points and shape space; the procedural families; the builder."""
 
-from meshslam.categories.build import build_family, category_of, wrapped_cars
-from meshslam.categories.category import Category, category_names, load_category, save_category
-from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
-from meshslam.categories.keypoints import keypoint_order
-from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
-from meshslam.categories.procedural.solid import distance_and_normal, project
-from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_car, draw_of_class
-from meshslam.categories.shrinkwrap import Wrapper, carry
-from meshslam.categories.spheres import icosphere, subdivide
-from meshslam.categories.template import car_template, middle_car
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.categories.build import build_family, category_of, wrapped_cars
+    from meshslam.categories.category import Category, category_names, load_category, save_category
+    from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
+    from meshslam.categories.keypoints import KEYPOINT_NAMES, keypoint_order
+    from meshslam.categories.procedural.car import CarShape
+    from meshslam.categories.procedural.solid import distance_and_normal, project
+    from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_car, draw_of_class
+    from meshslam.categories.shrinkwrap import Wrapper, carry
+    from meshslam.categories.spheres import icosphere, subdivide
+    from meshslam.categories.template import car_template, middle_car
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "build": "build_family category_of wrapped_cars",
+            "category": "Category category_names load_category save_category",
+            "from_meshes": "MeshOptions category_from_meshes",
+            "keypoints": "KEYPOINT_NAMES keypoint_order",
+            "procedural.car": "CarShape",
+            "procedural.solid": "distance_and_normal project",
+            "procedural.styles": "CLASSES CarClass draw_car draw_of_class",
+            "shrinkwrap": "Wrapper carry",
+            "spheres": "icosphere subdivide",
+            "template": "car_template middle_car",
+        },
+    )
 
 __all__ = [
     "CLASSES",

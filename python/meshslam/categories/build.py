@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from meshslam.categories.category import Category
-from meshslam.categories.keypoints import mirrored_weights, point_weights
+from meshslam.categories.keypoints import KEYPOINT_NAMES, mirrored_weights, point_weights
 from meshslam.categories.modes import principal_modes
-from meshslam.categories.procedural.car import KEYPOINT_NAMES, CarShape
+from meshslam.categories.procedural.car import CarShape
 from meshslam.categories.procedural.heavy import draw_bus, draw_truck
 from meshslam.categories.procedural.styles import draw_car
 from meshslam.categories.shrinkwrap import Wrapper, carry

@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import nnls
 
 from meshslam.geometry import Floats, Ints
 
 LEAST_SHARE = 0.02
+KEYPOINT_NAMES: tuple[str, ...] = (
+    "left_front_wheel",
+    "left_back_wheel",
+    "right_front_wheel",
+    "right_back_wheel",
+    "upper_left_windshield",
+    "upper_right_windshield",
+    "upper_left_rearwindow",
+    "upper_right_rearwindow",
+    "left_front_light",
+    "right_front_light",
+    "left_back_trunk",
+    "right_back_trunk",
+)
 
 
 def keypoint_order(detected: Sequence[str], known: Sequence[str]) -> list[int]:
@@ -43,6 +56,8 @@ def mirrored_weights(weights: Floats, mirror: Ints, names: tuple[str, ...]) -> F
 
 def _shares(corners: Floats, points: Floats) -> Floats:
     """Non-negative shares (C,) of sum 1 that take corners (N, C, 3) nearest to points (N, 3)."""
+    from scipy.optimize import nnls  # slow to import
+
     origin = points.mean(0)
     system = (corners - origin).transpose(0, 2, 1).reshape(-1, corners.shape[1])
     whole = 1e3 * np.sqrt((system**2).sum(0).mean())

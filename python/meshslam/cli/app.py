@@ -27,6 +27,7 @@ from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
 from meshslam.errors import MeshslamError
 
+THREADS = "OPENBLAS_NUM_THREADS"  # of NumPy's and SciPy's linear algebra
 USER_ERROR, FAULT, INTERRUPTED = 2, 70, 130
 
 app = typer.Typer(
@@ -70,6 +71,7 @@ app.add_typer(reproduce_app, name="reproduce")
 
 def main() -> None:
     """Run a command; a user's mistake is one line on stderr and exit code 2, never a traceback."""
+    one_blas_thread()
     signal.signal(signal.SIGINT, _interrupt)
     try:
         app()
@@ -84,6 +86,15 @@ def main() -> None:
         _end(f"error: {_fault(error)}", FAULT)
     except (KeyboardInterrupt, _Interrupted):
         _end("interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED)
+
+
+def one_blas_thread() -> None:
+    """Let OpenBLAS work in one thread, unless the user chose: a run's matrices are small, more threads only wait.
+
+    It holds for a NumPy that is imported later. The core's own threads stay as they are.
+    """
+    if not any(name in os.environ for name in (THREADS, "OMP_NUM_THREADS", "GOTO_NUM_THREADS")):
+        os.environ[THREADS] = "1"
 
 
 def _fault(error: Exception) -> str:

@@ -13,6 +13,7 @@ from meshslam.cli.options import (
     ConfigFile,
     Keypoints,
     Segmenter,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -35,6 +36,7 @@ def detect(
 
     Example: meshslam detect 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out detections.json
     """
+    check_inputs(config, sequence)
     from dataclasses import replace
 
     from meshslam.cli.progress import run_outlet

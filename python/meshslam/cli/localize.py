@@ -18,6 +18,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -50,9 +51,10 @@ def localize(
 
     Example: meshslam localize drive2 --map run1 --out run2
     """
+    check_inputs(config, sequence, map_path)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
-    from meshslam.runs import overlaid, read_config, run_localize
+    from meshslam.runs import Clock, overlaid, read_config, run_localize
 
     settings = with_input(
         read_config(config, "localize"),
@@ -69,6 +71,6 @@ def localize(
     if solver is not None:
         settings = overlaid(settings, {"localization": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
-        figures = run_localize(settings, out, outlet, overwrite=overwrite)
+        figures = run_localize(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
     show_figures(figures, out, as_json=json)
     end_without(figures["views_used"])

@@ -19,6 +19,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -51,9 +52,10 @@ def map_(
 
     Example: meshslam map 2011_09_26_drive_0048_sync --segmenter yolov5n-seg.onnx --out run48
     """
+    check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
-    from meshslam.runs import overlaid, read_config, run_map
+    from meshslam.runs import Clock, overlaid, read_config, run_map
 
     settings = with_input(
         read_config(config, "map"),
@@ -71,6 +73,6 @@ def map_(
     if solver is not None:
         settings = overlaid(settings, {"objects": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
-        figures = run_map(settings, out, outlet, overwrite=overwrite)
+        figures = run_map(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
     show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

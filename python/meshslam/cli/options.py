@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from meshslam.errors import ConfigError, MapError, SequenceError
+
 if TYPE_CHECKING:
     from meshslam.runs import Config
 
@@ -109,14 +111,12 @@ def takes_recording(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _settings_of_flags(given: dict[str, Any]) -> dict[str, Any]:
-    from meshslam.sequences import read_seconds
-
     found = {
         **_camera(given.pop("camera") or []),
         "topics": list(given.pop("topic") or []) or None,
         "rate_hz": given.pop("rate"),
-        "from_s": None if given["from_"] is None else read_seconds(given["from_"]),
-        "to_s": None if given["to"] is None else read_seconds(given["to"]),
+        "from_s": _seconds(given["from_"]),
+        "to_s": _seconds(given["to"]),
         "imu_time_offset_s": given.pop("imu_time_offset"),
         "poses_time_offset_s": given.pop("poses_time_offset"),
     }
@@ -133,6 +133,26 @@ def _camera(given: list[str]) -> dict[str, int | Path]:
     if len(numbers) > 1 or len(files) > 1:
         raise ConfigError(f"--camera {' --camera '.join(given)}: give one number, one file, or one of each")
     return {**({"camera": numbers[0]} if numbers else {}), **({"camera_file": files[0]} if files else {})}
+
+
+def _seconds(text: str | None) -> float | None:
+    if text is None:
+        return None
+    from meshslam.sequences import read_seconds
+
+    return read_seconds(text)
+
+
+def check_inputs(config: Path | None, sequence: Path | None, scene: Path | None = None) -> None:
+    """Look for what a command reads first, before anything is imported that takes time; errors as for reading it."""
+    from meshslam.files import map_file, must_exist, real_path
+
+    if config is not None:
+        must_exist(config, "configuration file", ConfigError)
+    if scene is not None:
+        must_exist(map_file(real_path(scene)), "map", MapError)
+    if sequence is not None:
+        must_exist(real_path(sequence), "folder or file", SequenceError)
 
 
 def with_input(settings: Config, **given: Any) -> Config:  # noqa: ANN401 # whatever the settings hold

@@ -19,6 +19,7 @@ from meshslam.cli.options import (
     RunFolder,
     Segmenter,
     SequenceFolder,
+    check_inputs,
     takes_recording,
     with_input,
     with_keypoint_network,
@@ -56,9 +57,10 @@ def slam(
 
     Example: meshslam slam drive --out run
     """
+    check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
-    from meshslam.runs import overlaid, read_config, run_slam
+    from meshslam.runs import Clock, overlaid, read_config, run_slam
 
     settings = with_input(
         read_config(config, "slam"),
@@ -81,6 +83,6 @@ def slam(
     if solver is not None:
         settings = overlaid(settings, {"slam": {"solver": solver}}, "--solver")
     with run_outlet() as outlet:
-        figures = run_slam(settings, out, outlet, overwrite=overwrite)
+        figures = run_slam(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
     show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

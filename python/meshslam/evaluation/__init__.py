@@ -1,11 +1,28 @@
 """Figures of finished runs: the only room that opens truth, after the map is on disk."""
 
-from meshslam.evaluation.marked import MarkedScore, marked_labels, marked_objects, score_marked
-from meshslam.evaluation.masks import MaskScores, score_masks
-from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
-from meshslam.evaluation.run import evaluate_run
-from meshslam.evaluation.trajectories import trajectory_figures
-from meshslam.evaluation.truth import Truth, read_truth, truth_digest
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.evaluation.marked import MarkedScore, marked_labels, marked_objects, score_marked
+    from meshslam.evaluation.masks import MaskScores, score_masks
+    from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
+    from meshslam.evaluation.run import evaluate_run
+    from meshslam.evaluation.trajectories import trajectory_figures
+    from meshslam.evaluation.truth import Truth, read_truth, truth_digest
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "marked": "MarkedScore marked_labels marked_objects score_marked",
+            "masks": "MaskScores score_masks",
+            "objects": "ObjectScore match_objects object_figures score_object",
+            "run": "evaluate_run",
+            "trajectories": "trajectory_figures",
+            "truth": "Truth read_truth truth_digest",
+        },
+    )
 
 __all__ = [
     "MarkedScore",

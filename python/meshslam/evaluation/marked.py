@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from meshslam.errors import SequenceError
 from meshslam.evaluation.objects import counted_objects
 from meshslam.evaluation.truth import read_truth
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, best_pairs
 from meshslam.maps import Map
 
 MATCH_DISTANCE_M = 5.0
@@ -39,8 +38,8 @@ def score_marked(positions: Floats, estimate: Map) -> MarkedScore:
     centres = np.array([thing.world_from_object.translation for thing in estimate.objects]).reshape(-1, 3)
     distance = np.linalg.norm(positions[:, None, :2] - centres[None, :, :2], axis=2)
     far = 1e3
-    rows, columns = linear_sum_assignment(np.where(distance > MATCH_DISTANCE_M, far, distance))
-    found = distance[rows, columns]
+    pairs = best_pairs(-np.where(distance > MATCH_DISTANCE_M, far, distance))
+    found = np.array([distance[pair] for pair in pairs])
     return MarkedScore(positions, found[found <= MATCH_DISTANCE_M])
 
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from meshslam.categories import Category, category_names, load_category
 from meshslam.evaluation.truth import Truth
-from meshslam.geometry import Floats, Ints, Pose, voxel_iou
+from meshslam.geometry import Floats, Ints, Pose, best_pairs, voxel_iou
 from meshslam.maps import Map, MapObject
 
 MATCH_DISTANCE_M = 3.0
@@ -34,8 +33,7 @@ class ObjectScore:
 def match_objects(true_objects: Map, estimate: Map) -> list[tuple[MapObject, MapObject]]:
     """One-to-one pairs (true, estimated) with the least sum of centre distances, all within MATCH_DISTANCE_M."""
     distance = np.linalg.norm(_centres(true_objects)[:, None] - _centres(estimate)[None], axis=2)
-    rows, columns = linear_sum_assignment(np.where(distance > MATCH_DISTANCE_M, _APART, distance))
-    pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+    pairs = best_pairs(-np.where(distance > MATCH_DISTANCE_M, _APART, distance))
     return [(true_objects.objects[i], estimate.objects[j]) for i, j in pairs if distance[i, j] <= MATCH_DISTANCE_M]
 
 

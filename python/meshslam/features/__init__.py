@@ -1,10 +1,26 @@
 """Corners and the road's texture as measurements of the camera's motion."""
 
-from meshslam.features.camera_rotations import RotationConfig, correct_rotations
-from meshslam.features.image_features import FrameImage, ImageFeatures
-from meshslam.features.point_tracks import PointConfig, PointTracks
-from meshslam.features.road_displacement import RoadConfig, road_displacement_m, road_normal
-from meshslam.features.two_view_motion import two_views
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.features.camera_rotations import RotationConfig, correct_rotations
+    from meshslam.features.image_features import FrameImage, ImageFeatures
+    from meshslam.features.point_tracks import PointConfig, PointTracks
+    from meshslam.features.road_displacement import RoadConfig, road_displacement_m, road_normal
+    from meshslam.features.two_view_motion import two_views
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "camera_rotations": "RotationConfig correct_rotations",
+            "image_features": "FrameImage ImageFeatures",
+            "point_tracks": "PointConfig PointTracks",
+            "road_displacement": "RoadConfig road_displacement_m road_normal",
+            "two_view_motion": "two_views",
+        },
+    )
 
 __all__ = [
     "FrameImage",

@@ -12,9 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import spsolve
 
 from meshslam.geometry import Bytes, Camera, Floats, Pose, exp_so3, hat
 from meshslam.maps import CameraPath
@@ -95,6 +92,8 @@ def _between(
 
 def epipolar_correction(camera: Camera, second_from_first: Pose, first: Floats, second: Floats) -> Floats:
     """Rotation vector w (3,), so that with exp(w) R matched pixels (n, 2) lie on their epipolar lines; robust."""
+    from scipy.optimize import least_squares  # slow to import
+
     rays, seen = camera.rays(first), camera.rays(second)
     baseline = second_from_first.translation / np.linalg.norm(second_from_first.translation)
     across = hat(baseline) @ second_from_first.rotation
@@ -112,6 +111,9 @@ def epipolar_correction(camera: Camera, second_from_first: Pose, first: Floats, 
 
 def with_corrections(frames: CameraPath, measured: list[RelativeRotation], config: RotationConfig) -> CameraPath:
     """Turn each camera by d_i: the smallest d for which R_ji d_i - d_j agrees with every measured correction."""
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.linalg import spsolve
+
     if not measured:
         return frames
     count = len(frames.frame_ids)

@@ -1,18 +1,37 @@
 """Files on disk: whole or not there, known by their content, and used by one process at a time."""
 
-from meshslam.files.atomic import (
-    LEFTOVER_SUFFIX,
-    remove_leftovers,
-    remove_leftovers_of,
-    write_atomically,
-    write_into,
-    write_together,
-    written_aside,
-)
-from meshslam.files.digest import digest_of, digest_of_file
-from meshslam.files.folder import LIST, replaced_folder
-from meshslam.files.lock import LOCK, locked
-from meshslam.files.places import real_path
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.files.atomic import (
+        LEFTOVER_SUFFIX,
+        remove_leftovers,
+        remove_leftovers_of,
+        write_atomically,
+        write_into,
+        write_together,
+        written_aside,
+    )
+    from meshslam.files.digest import digest_of, digest_of_file
+    from meshslam.files.folder import LIST, replaced_folder
+    from meshslam.files.lock import LOCK, locked
+    from meshslam.files.places import map_file, must_exist, real_path
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "atomic": (
+                "LEFTOVER_SUFFIX remove_leftovers remove_leftovers_of write_atomically write_into write_together "
+                "written_aside"
+            ),
+            "digest": "digest_of digest_of_file",
+            "folder": "LIST replaced_folder",
+            "lock": "LOCK locked",
+            "places": "map_file must_exist real_path",
+        },
+    )
 
 __all__ = [
     "LEFTOVER_SUFFIX",
@@ -21,6 +40,8 @@ __all__ = [
     "digest_of",
     "digest_of_file",
     "locked",
+    "map_file",
+    "must_exist",
     "real_path",
     "remove_leftovers",
     "remove_leftovers_of",

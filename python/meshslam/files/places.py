@@ -5,7 +5,27 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from meshslam.errors import MeshslamError
+
 
 def real_path(path: Path | str) -> Path:
     """The absolute path without links, as far as they lead anywhere; `Path.resolve` raises for links in a circle."""
     return Path(os.path.realpath(path))
+
+
+def map_file(path: Path) -> Path:
+    """The file of a map that a run directory or the file itself names."""
+    return path / "map.json" if path.is_dir() else path
+
+
+def must_exist(path: Path, what: str, error: type[MeshslamError]) -> None:
+    """Raise the error if nothing is at a path; `what` says what was expected there.
+
+    What is there but cannot be looked at is told when it is read.
+    """
+    try:
+        os.stat(path)  # noqa: PTH116 # a name that no file can have is a ValueError
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        raise error(f"{path}: no such {what}") from None
+    except OSError:
+        return

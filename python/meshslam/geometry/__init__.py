@@ -1,40 +1,71 @@
 """Poses, cameras, meshes, rendering and their derivatives: the only room that imports the native module."""
 
-from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
-from meshslam.geometry.camera import Camera
-from meshslam.geometry.gltf_check import check_gltf, is_gltf
-from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
-from meshslam.geometry.mask_iou_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
-from meshslam.geometry.object_model import (
-    Block,
-    GroundPlane,
-    Iteration,
-    NoiseModel,
-    ObjectModel,
-    ObjectState,
-    Refined,
-    SquareRoot,
-    View,
-)
-from meshslam.geometry.observation import (
-    PixelDerivatives,
-    camera_points,
-    keypoint_loss,
-    keypoint_loss_gradient,
-    keypoint_pixels,
-    mask_loss,
-    mask_loss_gradient,
-    mesh_masks,
-    pixel_derivatives,
-    projection_derivative,
-    selection,
-)
-from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
-from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
-from meshslam.geometry.robust import geman_mcclure, geman_mcclure_soft
-from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
-from meshslam.geometry.tracked_points import NormalEquations, TrackedPoints
-from meshslam.geometry.triangulation import kabsch, triangulate
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
+    from meshslam.geometry.assignment import best_pairs
+    from meshslam.geometry.camera import Camera
+    from meshslam.geometry.gltf_check import check_gltf, is_gltf
+    from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
+    from meshslam.geometry.mask_iou_loss import MaskGradient, MaskLoss, kato_pixel_gradient, mask_gradients
+    from meshslam.geometry.object_model import (
+        Block,
+        GroundPlane,
+        Iteration,
+        NoiseModel,
+        ObjectModel,
+        ObjectState,
+        Refined,
+        SquareRoot,
+        View,
+    )
+    from meshslam.geometry.observation import (
+        PixelDerivatives,
+        camera_points,
+        keypoint_loss,
+        keypoint_loss_gradient,
+        keypoint_pixels,
+        mask_loss,
+        mask_loss_gradient,
+        mesh_masks,
+        pixel_derivatives,
+        projection_derivative,
+        selection,
+    )
+    from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
+    from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
+    from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
+    from meshslam.geometry.robust import geman_mcclure, geman_mcclure_soft
+    from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
+    from meshslam.geometry.tracked_points import NormalEquations, TrackedPoints
+    from meshslam.geometry.triangulation import kabsch, triangulate
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "arrays": "AnyArray Bools Bytes Floats Ints Singles",
+            "assignment": "best_pairs",
+            "camera": "Camera",
+            "gltf_check": "check_gltf is_gltf",
+            "lie": "cross_matrix exp_so3 hat log_so3 right_jacobian right_jacobian_inverse",
+            "mask_iou_loss": "MaskGradient MaskLoss kato_pixel_gradient mask_gradients",
+            "object_model": "Block GroundPlane Iteration NoiseModel ObjectModel ObjectState Refined SquareRoot View",
+            "observation": (
+                "PixelDerivatives camera_points keypoint_loss keypoint_loss_gradient keypoint_pixels mask_loss "
+                "mask_loss_gradient mesh_masks pixel_derivatives projection_derivative selection"
+            ),
+            "pose": "Pose QuaternionOrder nearest_rotation",
+            "quaternions": "quaternions_of_rotations rotations_of_quaternions",
+            "rendering": "Outline Rendering coverage outline render",
+            "robust": "geman_mcclure geman_mcclure_soft",
+            "shapes": "cotangent_weights mask_iou voxel_iou",
+            "tracked_points": "NormalEquations TrackedPoints",
+            "triangulation": "kabsch triangulate",
+        },
+    )
 
 __all__ = [
     "AnyArray",
@@ -62,6 +93,7 @@ __all__ = [
     "SquareRoot",
     "TrackedPoints",
     "View",
+    "best_pairs",
     "camera_points",
     "check_gltf",
     "cotangent_weights",
@@ -87,9 +119,11 @@ __all__ = [
     "outline",
     "pixel_derivatives",
     "projection_derivative",
+    "quaternions_of_rotations",
     "render",
     "right_jacobian",
     "right_jacobian_inverse",
+    "rotations_of_quaternions",
     "selection",
     "triangulate",
     "voxel_iou",

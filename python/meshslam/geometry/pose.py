@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from meshslam.errors import GeometryError
 from meshslam.geometry.arrays import Floats
 from meshslam.geometry.lie import cross_matrix, exp_so3, log_so3, right_jacobian, right_jacobian_inverse
+from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
 
 _ROUNDING = 1e-14  # by which products of a rotation's numbers may be off
 QuaternionOrder = Literal["xyzw", "wxyz"]  # where the real part w stands
@@ -72,7 +72,7 @@ class Pose:
         if not 1e-200 < float(q @ q) < 1e200:
             raise GeometryError(f"a quaternion's length is positive and can be squared, found {q.tolist()}")
         xyzw = q if _real_part_is_last(order) else np.roll(q, -1)
-        return Pose(Rotation.from_quat(xyzw).as_matrix(), _vector("a translation", translation, 3))
+        return Pose(rotations_of_quaternions(xyzw[None])[0], _vector("a translation", translation, 3))
 
     @staticmethod
     def exp(tangent: Floats) -> Pose:
@@ -158,7 +158,7 @@ class Pose:
         >>> Pose.identity().to_quaternion(order="wxyz")
         array([1., 0., 0., 0.])
         """
-        xyzw = Rotation.from_matrix(self.rotation).as_quat(canonical=True)
+        xyzw = quaternions_of_rotations(self.rotation[None])[0]
         return np.asarray(xyzw if _real_part_is_last(order) else np.roll(xyzw, 1), float)
 
     @property

@@ -1,15 +1,36 @@
 """The factor graph: window, factors, smoother, full-trajectory smoothing."""
 
-from meshslam.graph.checkpoint import Checkpoint, unchanged, unchanged_by_errors
-from meshslam.graph.config import SmootherConfig, StartConfig
-from meshslam.graph.full_trajectory import Pair
-from meshslam.graph.graph_archive import Arrays
-from meshslam.graph.object_factor import ObservationCost, place_camera, small_rotation
-from meshslam.graph.smoother import FullTrajectory, Smoother
-from meshslam.graph.smoother_archive import smoother_from_arrays, smoother_to_arrays
-from meshslam.graph.start_factors import start_covariance
-from meshslam.graph.state_marginal import StateMarginal, begin_with, marginal_of
-from meshslam.graph.window import Entry
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.graph.checkpoint import Checkpoint, unchanged, unchanged_by_errors
+    from meshslam.graph.config import SmootherConfig, StartConfig
+    from meshslam.graph.full_trajectory import Pair
+    from meshslam.graph.graph_archive import Arrays
+    from meshslam.graph.object_factor import ObservationCost, place_camera, small_rotation
+    from meshslam.graph.smoother import FullTrajectory, Smoother
+    from meshslam.graph.smoother_archive import smoother_from_arrays, smoother_to_arrays
+    from meshslam.graph.start_factors import start_covariance
+    from meshslam.graph.state_marginal import StateMarginal, begin_with, marginal_of
+    from meshslam.graph.window import Entry
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "checkpoint": "Checkpoint unchanged unchanged_by_errors",
+            "config": "SmootherConfig StartConfig",
+            "full_trajectory": "Pair",
+            "graph_archive": "Arrays",
+            "object_factor": "ObservationCost place_camera small_rotation",
+            "smoother": "FullTrajectory Smoother",
+            "smoother_archive": "smoother_from_arrays smoother_to_arrays",
+            "start_factors": "start_covariance",
+            "state_marginal": "StateMarginal begin_with marginal_of",
+            "window": "Entry",
+        },
+    )
 
 __all__ = [
     "Arrays",

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import gtsam
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from meshslam.features import PointConfig, PointTracks
 from meshslam.geometry import Camera, Floats, TrackedPoints
@@ -61,6 +60,8 @@ def square_root(hessian: Floats, gradient: Floats, cost: float) -> tuple[Floats,
 
     Place, turn and scale of all cameras together are free: a trace of information keeps Cholesky's factor whole there.
     """
+    from scipy.linalg import solve_triangular  # slow to import
+
     trace = _LEAST_INFORMATION * float(hessian.diagonal().max()) * np.eye(len(gradient))
     lower = np.linalg.cholesky(hessian + trace)
     residual = solve_triangular(lower, gradient, lower=True, check_finite=False)

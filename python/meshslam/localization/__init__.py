@@ -1,14 +1,34 @@
 """The camera in a known map of meshes."""
 
-from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
-from meshslam.localization.config import AssociationConfig, GateConfig, LocalizationConfig
-from meshslam.localization.data_association import FrameMasks
-from meshslam.localization.estimator import FrameReport, LocalizationEstimator
-from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
-from meshslam.localization.localizer import Localizer, LocalizerSettings
-from meshslam.localization.map_models import KnownObject, known_objects
-from meshslam.localization.sequence import Localization, localize_sequence
-from meshslam.localization.stream import Stream
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
+    from meshslam.localization.config import AssociationConfig, GateConfig, LocalizationConfig
+    from meshslam.localization.data_association import FrameMasks
+    from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+    from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
+    from meshslam.localization.localizer import Localizer, LocalizerSettings
+    from meshslam.localization.map_models import KnownObject, known_objects
+    from meshslam.localization.sequence import Localization, localize_sequence
+    from meshslam.localization.stream import Stream
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "archive": "archive_errors read_archive under write_archive",
+            "config": "AssociationConfig GateConfig LocalizationConfig",
+            "data_association": "FrameMasks",
+            "estimator": "FrameReport LocalizationEstimator",
+            "gradient_estimator": "CameraLoss camera_loss descend descend_camera per_pixel",
+            "localizer": "Localizer LocalizerSettings",
+            "map_models": "KnownObject known_objects",
+            "sequence": "Localization localize_sequence",
+            "stream": "Stream",
+        },
+    )
 
 __all__ = [
     "AssociationConfig",

@@ -11,7 +11,7 @@ from meshslam.plausibility import FRAME_STEP_S, SAMPLE_STEP_S, frozen_samples, j
 from meshslam.sequences import ImuSamples
 
 NO_SAMPLES = ImuSamples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-LONGEST_STEP_S = FRAME_STEP_S[1]  # between frames that no samples join
+LONGEST_STEP_S: float = FRAME_STEP_S[1]  # between frames that no samples join
 _LATEST_S = 1e11  # a clock in seconds that says more counts something else
 JUDGED_S = (1.0, 5.0)  # seconds of samples that the judgement of units needs, and after which it ends
 _TAIL = 4  # held samples that show whether the first new ones repeat them

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from meshslam.categories import keypoint_order
-from meshslam.geometry import Bytes, Camera, Floats, Pose, View, render
+from meshslam.geometry import Bytes, Camera, Floats, Pose, View, best_pairs, render
 from meshslam.localization.config import AssociationConfig
 from meshslam.localization.map_models import KnownObject
 from meshslam.objects import FrameOcclusion, ObjectConfig, make_view
@@ -80,9 +79,7 @@ def associate(
     allowed = overlaps >= np.where(same_id, config.min_iou_same_id, config.min_iou)
     allowed &= np.array([[d.category == o.category for o in objects] for d in frame.detections])
     score = np.where(allowed, overlaps + config.id_bonus * same_id, 0.0)
-    rows, columns = linear_sum_assignment(score, maximize=True)
-    pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-    return {frame.detections[i].id: objects[j] for i, j in pairs if score[i, j] > 0}
+    return {frame.detections[i].id: objects[j] for i, j in best_pairs(score) if score[i, j] > 0}
 
 
 def in_view(

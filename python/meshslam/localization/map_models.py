@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from meshslam.errors import MapError
 from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose
@@ -54,6 +53,8 @@ def box_corners(vertices: Floats) -> Floats:
 
 def coarse_hull(vertices: Floats) -> tuple[Floats, Ints]:
     """The convex hull of vertices rounded to a grid: some hundred faces, turned outwards; the box if it is flat."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
+
     rounded = np.unique(np.round(vertices / _GRID_M), axis=0) * _GRID_M
     try:
         hull = ConvexHull(rounded)

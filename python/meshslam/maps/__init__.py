@@ -1,14 +1,33 @@
 """The map of objects and the camera's path: files that are whole or not there, and exports for viewers."""
 
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
 from meshslam.files import remove_leftovers, write_atomically, write_together
-from meshslam.maps.camera_path import CameraPath
-from meshslam.maps.figures import read_figures
-from meshslam.maps.gltf import object_colour, save_glb, to_glb
-from meshslam.maps.map import Map
-from meshslam.maps.objects import MapObject
-from meshslam.maps.ply import PlyMesh, format_ply
-from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
-from meshslam.maps.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from meshslam.maps.camera_path import CameraPath
+    from meshslam.maps.figures import read_figures
+    from meshslam.maps.gltf import object_colour, save_glb, to_glb
+    from meshslam.maps.map import Map
+    from meshslam.maps.objects import MapObject
+    from meshslam.maps.ply import PlyMesh, format_ply
+    from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
+    from meshslam.maps.trajectory import Trajectory
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "camera_path": "CameraPath",
+            "figures": "read_figures",
+            "gltf": "object_colour save_glb to_glb",
+            "map": "Map",
+            "objects": "MapObject",
+            "ply": "PlyMesh format_ply",
+            "run_directory": "FRAMES INDEX RunDirectory",
+            "trajectory": "Trajectory",
+        },
+    )
 
 __all__ = [
     "FRAMES",

@@ -5,16 +5,18 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
 
 from meshslam.files import write_atomically
 from meshslam.geometry import Bytes, Floats, Ints
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
 from meshslam.maps.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import trimesh
 
 # glTF is y up, z towards the viewer: (x, y, z)_gltf = (x, z, -y)_world
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -26,6 +28,9 @@ SURE_SIGMA_M, UNSURE_SIGMA_M = 0.03, 0.15
 
 def to_glb(scene_map: Map, trajectory: Trajectory | None = None) -> bytes:
     """Draw every object in its own colour, grey where its surface is not known well, and the path as a tube."""
+    import trimesh  # slow to import
+    from trimesh.exchange.gltf import export_glb
+
     scene = trimesh.Scene()
     for thing in scene_map.objects:
         name = f"{thing.category}_{thing.id}"
@@ -62,6 +67,8 @@ def vertex_colours(thing: MapObject) -> Bytes:
 
 
 def _coloured(thing: MapObject) -> trimesh.Trimesh:
+    import trimesh
+
     colours = linear(vertex_colours(thing))
     return trimesh.Trimesh(thing.vertices, thing.faces, vertex_colors=colours, process=False)
 
@@ -75,12 +82,16 @@ def linear(colours: Bytes) -> Bytes:
 
 def _mark() -> trimesh.Trimesh:
     """Draw a 10 cm box: an empty scene is no valid glTF."""
+    import trimesh
+
     mark: trimesh.Trimesh = trimesh.creation.box((0.1, 0.1, 0.1))
     return mark
 
 
 def _tube(points: Floats) -> trimesh.Trimesh:
     """Draw a thin tube along points (n, 3); a single point becomes a ball."""
+    import trimesh
+
     keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3])
     points = points[keep]
     if len(points) < 2:

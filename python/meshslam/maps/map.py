@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from meshslam.errors import GeometryError, MapError
-from meshslam.files import real_path, remove_leftovers, write_together
+from meshslam.files import map_file, must_exist, real_path, remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.manifest import written_meshes
 from meshslam.maps.objects import MapObject
@@ -90,7 +90,7 @@ class Map(Mapping[int, MapObject]):
         but its own files.
         """
         path = Path(path)
-        file = path / "map.json" if path.is_dir() else path
+        file = map_file(path)
         document = _read_json(file)
         entries = document.get("objects")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
@@ -152,10 +152,9 @@ def _numbers(values: AnyArray | float) -> Any:  # noqa: ANN401 # a number, or ne
 
 
 def _read_json(file: Path) -> Mapping[str, Any]:
+    must_exist(file, "map", MapError)
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MapError(f"{file}: no such map") from None
     except (OSError, ValueError, RecursionError) as error:
         raise MapError(f"{file}: cannot be read as JSON: {error}") from None
     if not isinstance(document, dict):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from meshslam.errors import GeometryError, MapError
 from meshslam.geometry import AnyArray, Bools, Floats, Ints, check_gltf, is_gltf
@@ -62,6 +61,8 @@ def read_mesh(path: Path) -> PlyMesh:
         check_gltf(path)
     except GeometryError as error:
         raise MapError(str(error)) from None
+    import trimesh  # slow to import
+
     try:
         mesh = trimesh.load_mesh(path, process=False)
         mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh

@@ -1,13 +1,32 @@
 """Camera and objects in one graph."""
 
-from meshslam.object_slam.config import SlamConfig
-from meshslam.object_slam.estimator import SlamEstimator
-from meshslam.object_slam.joint_gradient import joint_descent
-from meshslam.object_slam.landmarks import joined_tracks
-from meshslam.object_slam.loop_closure import LoopClosureConfig
-from meshslam.object_slam.result import SlamResult, SlamState
-from meshslam.object_slam.sequence import slam_sequence
-from meshslam.object_slam.slam import Slam, SlamSettings
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.object_slam.config import SlamConfig
+    from meshslam.object_slam.estimator import SlamEstimator
+    from meshslam.object_slam.joint_gradient import joint_descent
+    from meshslam.object_slam.landmarks import joined_tracks
+    from meshslam.object_slam.loop_closure import LoopClosureConfig
+    from meshslam.object_slam.result import SlamResult, SlamState
+    from meshslam.object_slam.sequence import slam_sequence
+    from meshslam.object_slam.slam import Slam, SlamSettings
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "config": "SlamConfig",
+            "estimator": "SlamEstimator",
+            "joint_gradient": "joint_descent",
+            "landmarks": "joined_tracks",
+            "loop_closure": "LoopClosureConfig",
+            "result": "SlamResult SlamState",
+            "sequence": "slam_sequence",
+            "slam": "Slam SlamSettings",
+        },
+    )
 
 __all__ = [
     "LoopClosureConfig",

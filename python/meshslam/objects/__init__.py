@@ -1,29 +1,53 @@
 """One object from its observations: start, pose, shape, uncertainty."""
 
-from meshslam.objects.config import GradientConfig, ObjectConfig
-from meshslam.objects.gradient_descent import reconstruct_by_gradient
-from meshslam.objects.ground import road_points
-from meshslam.objects.models import category_model
-from meshslam.objects.noise import estimated_noise
-from meshslam.objects.observations import keypoints_of, make_view, signed_distance
-from meshslam.objects.occlusion import FrameOcclusion, Occluders, Placed
-from meshslam.objects.reconstruction import (
-    Reconstruction,
-    Scene,
-    TrackObservations,
-    centred,
-    cheapest,
-    fit_free_form,
-    fit_modes,
-    height_over_road_m,
-    motion,
-    reconstruct,
-    refit,
-    uncertainty,
-    with_surface_error,
-)
-from meshslam.objects.start_search import flipped
-from meshslam.objects.track import Track, choose_views, is_cut, make_views
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.objects.config import GradientConfig, ObjectConfig
+    from meshslam.objects.gradient_descent import reconstruct_by_gradient
+    from meshslam.objects.ground import road_points
+    from meshslam.objects.models import category_model
+    from meshslam.objects.noise import estimated_noise
+    from meshslam.objects.observations import keypoints_of, make_view, signed_distance
+    from meshslam.objects.occlusion import FrameOcclusion, Occluders, Placed
+    from meshslam.objects.reconstruction import (
+        Reconstruction,
+        Scene,
+        TrackObservations,
+        centred,
+        cheapest,
+        fit_free_form,
+        fit_modes,
+        height_over_road_m,
+        motion,
+        reconstruct,
+        refit,
+        uncertainty,
+        with_surface_error,
+    )
+    from meshslam.objects.start_search import flipped
+    from meshslam.objects.track import Track, choose_views, is_cut, make_views
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "config": "GradientConfig ObjectConfig",
+            "gradient_descent": "reconstruct_by_gradient",
+            "ground": "road_points",
+            "models": "category_model",
+            "noise": "estimated_noise",
+            "observations": "keypoints_of make_view signed_distance",
+            "occlusion": "FrameOcclusion Occluders Placed",
+            "reconstruction": (
+                "Reconstruction Scene TrackObservations centred cheapest fit_free_form fit_modes "
+                "height_over_road_m motion reconstruct refit uncertainty with_surface_error"
+            ),
+            "start_search": "flipped",
+            "track": "Track choose_views is_cut make_views",
+        },
+    )
 
 __all__ = [
     "FrameOcclusion",

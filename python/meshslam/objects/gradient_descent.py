@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from meshslam.categories import Category, keypoint_order
 from meshslam.geometry import (
@@ -31,6 +31,9 @@ from meshslam.objects.observations import keypoints_of
 from meshslam.objects.reconstruction import Reconstruction, Scene, TrackObservations, find_start
 from meshslam.objects.start_search import pose_from_keypoints, triangulate_keypoints
 from meshslam.objects.track import choose_views
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +163,8 @@ def mean_curvature(vertices: Floats, faces: Ints) -> sparse.csr_array:
 
     It is the mean curvature normal times an area (Pinkall and Polthier 1993).
     """
+    from scipy import sparse  # slow to import
+
     edges, weights = cotangent_weights(vertices, faces)
     i, j = edges.T
     both = np.concatenate([weights, weights]), (np.concatenate([i, j]), np.concatenate([j, i]))

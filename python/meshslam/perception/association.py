@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from meshslam.geometry import Floats
+from meshslam.geometry import Floats, best_pairs
 from meshslam.perception.flow import Flow
 from meshslam.perception.tracked_mask import TrackedMask, mask_iou
 
@@ -90,8 +89,7 @@ def size_ratio(one: TrackedMask, other: TrackedMask) -> float:
 def assign(scores: Floats, minimum: float) -> list[tuple[int, int]]:
     """Find one-to-one pairs (row, column) of the largest total score, none below `minimum` (Hungarian method)."""
     gain = np.where(scores >= minimum, scores, 0.0)
-    rows, columns = linear_sum_assignment(gain, maximize=True)
-    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if gain[r, c] > 0]
+    return [pair for pair in best_pairs(gain) if gain[pair] > 0]
 
 
 def assign_greedily(scores: Floats) -> list[tuple[int, int]]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy import ndimage
 
 from meshslam.categories import load_category
 from meshslam.geometry import Bools, Bytes, Floats, Ints
@@ -76,6 +75,8 @@ class ColourSegmenter:
 
 def _marks(hue: Ints, points: Bools, least_px: int) -> Ints:
     """Numbers (h, w) of the key points' marks from 1 on, 0 where there is none: connected pixels of one hue."""
+    from scipy import ndimage  # slow to import
+
     numbers = np.zeros(hue.shape, np.int64)
     for index in np.unique(hue[points]):
         labels, count = ndimage.label(points & (hue == index), np.ones((3, 3)))
@@ -88,6 +89,8 @@ def _marks(hue: Ints, points: Bools, least_px: int) -> Ints:
 
 def _owner(hue: Ints, bodies: Bools, points: Bools, marks: Ints) -> Ints:
     """The hue of the body that each pixel belongs to, -1 for none; a mark belongs to the body that is around it."""
+    from scipy import ndimage  # slow to import
+
     owner = np.where(bodies, hue, -1)
     if not bodies.any() or not points.any():
         return owner
@@ -102,6 +105,8 @@ def _owner(hue: Ints, bodies: Bools, points: Bools, marks: Ints) -> Ints:
 
 def _ring_share(rows: Ints, columns: Ints, body: Bools) -> float:
     """The share of the pixels around a mark (n,) that show a body (h, w)."""
+    from scipy import ndimage  # slow to import
+
     y, x = rows - rows.min() + 1, columns - columns.min() + 1
     mark = np.zeros((y.max() + 2, x.max() + 2), bool)
     mark[y, x] = True
@@ -113,6 +118,8 @@ def _ring_share(rows: Ints, columns: Ints, body: Bools) -> float:
 
 def _parts(mask: Bools, config: ColourConfig) -> list[Bools]:
     """The bodies of one hue: what lies near together is one that something stands before."""
+    from scipy import ndimage  # slow to import
+
     labels, count = ndimage.label(mask, np.ones((3, 3)))
     boxes = [np.array([[x.start, y.start], [x.stop, y.stop]], float) for y, x in ndimage.find_objects(labels)]
     groups = list(range(count))

@@ -40,9 +40,17 @@ def encode_mask(mask: Bytes) -> RunLengths:
 
 def decode_segmentation(segmentation: Segmentation, height: int, width: int) -> Bytes:
     """Unpack a checked segmentation to a (height, width) mask of zeros and ones."""
-    runs = _runs(segmentation, height, width)
-    columns = np.repeat((np.arange(len(runs)) % 2).astype(np.uint8), runs)
-    return np.ascontiguousarray(columns.reshape(width, height).T)
+    runs, mask = _runs(segmentation, height, width), np.zeros((height, width), np.uint8)
+    ends = np.cumsum(runs)
+    set_ends = ends[1::2][runs[1::2] > 0]
+    if not len(set_ends):
+        return mask
+    first = int((ends[1::2] - runs[1::2])[runs[1::2] > 0][0]) // height  # column of the first pixel, and of the last
+    last = (int(set_ends[-1]) - 1) // height
+    inside: Ints = np.diff(np.clip(ends, first * height, (last + 1) * height), prepend=first * height).astype(np.int64)
+    columns = np.repeat((np.arange(len(runs)) % 2).astype(np.uint8), inside)
+    mask[:, first : last + 1] = columns.reshape(last + 1 - first, height).T
+    return mask
 
 
 def segmentation_area_px(segmentation: Segmentation, height: int, width: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -28,7 +29,7 @@ class TrackedMask:
     keypoints: Floats  # (K, 2) px; K = 0 where there are none
     weights: Floats  # (K,) confidence of each key point, 0: no information
 
-    @property
+    @cached_property
     def box(self) -> Floats:
         """x0, y0, x1, y1 of the cut-out."""
         height, width = self.mask.shape
@@ -36,11 +37,12 @@ class TrackedMask:
 
     def contains(self, points: Floats) -> Bools:
         """Tell which points (N, 2) fall on the mask."""
-        cells = np.floor(points + 0.5).astype(int) - (self.left, self.top)
+        x = np.floor(points[:, 0] + 0.5).astype(int) - self.left
+        y = np.floor(points[:, 1] + 0.5).astype(int) - self.top
         height, width = self.mask.shape
-        inside = np.all((cells >= 0) & (cells < (width, height)), axis=1)
-        x, y = np.where(inside[:, None], cells, 0).T
-        found: Bools = inside & (self.mask[y, x] > 0)
+        found: Bools = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        if found.any():  # far from most masks
+            found[found] = self.mask[y[found], x[found]] > 0
         return found
 
     def moved(self, box: Floats) -> TrackedMask:

@@ -1,22 +1,51 @@
 """Configuration and stages of a run: what the command line, notebooks and services call."""
 
-from meshslam.runs.api import evaluate, localize, map_drive, slam
-from meshslam.runs.commands import users, uses
-from meshslam.runs.config import Config, InputConfig
-from meshslam.runs.judging import check_recording
-from meshslam.runs.localize_run import run_localize
-from meshslam.runs.map_run import map_recording, run_map
-from meshslam.runs.notes import imu_notes, object_notes
-from meshslam.runs.opening import open_input
-from meshslam.runs.outlet import Outlet
-from meshslam.runs.perception import segment_frames, with_keypoints
-from meshslam.runs.report import save_localization_report, save_map_report
-from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
-from meshslam.runs.slam_run import run_slam
-from meshslam.runs.stages import metrics_json
-from meshslam.runs.truth import paths_against_truth, true_path
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.runs.api import evaluate, localize, map_drive, slam
+    from meshslam.runs.clock import Clock
+    from meshslam.runs.commands import users, uses
+    from meshslam.runs.config import Config, InputConfig
+    from meshslam.runs.judging import check_recording
+    from meshslam.runs.localize_run import run_localize
+    from meshslam.runs.map_run import map_recording, run_map
+    from meshslam.runs.notes import imu_notes, object_notes
+    from meshslam.runs.opening import open_input
+    from meshslam.runs.outlet import Outlet
+    from meshslam.runs.perception import segment_frames, with_keypoints
+    from meshslam.runs.report import save_localization_report, save_map_report
+    from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
+    from meshslam.runs.slam_run import run_slam
+    from meshslam.runs.stages import metrics_json
+    from meshslam.runs.truth import paths_against_truth, true_path
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "api": "evaluate localize map_drive slam",
+            "clock": "Clock",
+            "commands": "users uses",
+            "config": "Config InputConfig",
+            "judging": "check_recording",
+            "localize_run": "run_localize",
+            "map_run": "map_recording run_map",
+            "notes": "imu_notes object_notes",
+            "opening": "open_input",
+            "outlet": "Outlet",
+            "perception": "segment_frames with_keypoints",
+            "report": "save_localization_report save_map_report",
+            "settings": "configured overlaid read_config read_yaml to_yaml",
+            "slam_run": "run_slam",
+            "stages": "metrics_json",
+            "truth": "paths_against_truth true_path",
+        },
+    )
 
 __all__ = [
+    "Clock",
     "Config",
     "InputConfig",
     "Outlet",

@@ -13,6 +13,7 @@ from meshslam.maps import Map, Trajectory
 from meshslam.object_slam import SlamResult
 from meshslam.perception import DetectionSet, our_names
 from meshslam.runs import stages
+from meshslam.runs.clock import Clock
 from meshslam.runs.commands import RECORDING
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import localize_recording
@@ -70,9 +71,10 @@ def map_drive(
         result.map.save("run")
 
     """
+    clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
     recording, settings, outlet = _opened(drive, seen, category, config, progress, use_imu=False)
-    return map_recording(recording, settings, outlet).result(recording, outlet)
+    return map_recording(recording, settings, outlet, clock=clock).result(recording, outlet)
 
 
 def localize(
@@ -99,12 +101,10 @@ def localize(
         path.positions_in_world  # (n, 3), metres
 
     """
+    clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
     recording, settings, outlet = _opened(drive, seen, None, config, progress)
-    scene, clock = (
-        map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside),
-        stages.Clock(),
-    )
+    scene = map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside)
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
     figures = stages.run_figures(found.figures, len(recording), clock)
@@ -135,9 +135,9 @@ def slam(
         result.trajectory.positions_in_world  # (n, 3), metres
 
     """
+    clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
     recording, settings, outlet = _opened(drive, seen, category, config, progress)
-    clock = stages.Clock()
     result = slam_recording(recording, settings, outlet, clock)
     own = stages.figures(recording, result.mapping, clock)
     return replace(result, figures=own | result.figures, notes=tuple(outlet.notes))

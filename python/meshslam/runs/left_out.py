@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from meshslam.localization import Localization
-from meshslam.mapping import ObjectMapping
 from meshslam.maps import RunDirectory
 from meshslam.perception import voted_category
 from meshslam.runs.outlet import Outlet
+
+if TYPE_CHECKING:
+    from meshslam.localization import Localization
+    from meshslam.mapping import ObjectMapping
 
 LEFT_OUT = "left_out.json"
 

@@ -9,6 +9,7 @@ from meshslam.evaluation import evaluate_run
 from meshslam.localization import Localization, localize_sequence
 from meshslam.maps import Map, RunDirectory, Trajectory
 from meshslam.runs import stages
+from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_map, judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_refused_views
@@ -25,7 +26,7 @@ def localize_recording(
     scene: Map,
     settings: Config,
     outlet: Outlet,
-    clock: stages.Clock,
+    clock: Clock,
     run: RunDirectory | None = None,
 ) -> Localization:
     """Judge, perceive, localize."""
@@ -41,18 +42,20 @@ def localize_recording(
         return localize_sequence(*given, outlet.progress)
 
 
-def run_localize(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+def run_localize(
+    settings: Config, out: Path, outlet: Outlet, *, overwrite: bool, clock: Clock | None = None
+) -> dict[str, float]:
     """Localize, save, evaluate, report, into a run directory: what is there already is not done again."""
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
     scene = Map.load(Path(settings.input.map), allow_outside=settings.input.allow_outside)
     with stages.begin("localize", settings, out, outlet, overwrite=overwrite) as begun:
-        return begun.figures or _localize_into(begun, scene, settings, outlet)
+        return begun.figures or _localize_into(begun, scene, settings, outlet, clock or Clock())
 
 
-def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Outlet) -> dict[str, float]:
+def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
     """The same where the run is not there yet."""
-    recording, run, clock = begun.recording, begun.run, stages.Clock()
+    recording, run = begun.recording, begun.run
     result = localize_recording(recording, scene, settings, outlet, clock, run)
     mounted, height = recording.imu_from_camera, recording.height_above_ground_m
     names = ("camera.yaml", "trajectory.tum", "detections.json", "left_out.json", "report.html", "metrics.json")
@@ -66,5 +69,5 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     figures = stages.run_figures(result.figures, len(recording), clock)
     figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
     drawn = {"IMU alone": result.inertial} | true_path(recording)
-    save_localization_report(recording, scene, result, figures, run, drawn)
+    figures = save_localization_report(recording, scene, result, figures, run, drawn, clock)
     return stages.end(begun, figures, outlet)

@@ -11,6 +11,7 @@ from meshslam.mapping import LeftOut, ObjectMapping, map_objects
 from meshslam.maps import CameraPath, Map, RunDirectory, Trajectory
 from meshslam.perception import DetectionSet
 from meshslam.runs import stages
+from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_tracks, say
 from meshslam.runs.left_out import save_left_out_tracks
@@ -42,7 +43,7 @@ class Mapped:
 
     frames: CameraPath
     mapping: ObjectMapping
-    clock: stages.Clock
+    clock: Clock
 
     def result(self, recording: Sequence, outlet: Outlet) -> MapResult:
         """As a program takes it."""
@@ -51,9 +52,15 @@ class Mapped:
         return MapResult(found.map, path, found.left_out, found.detections, figures, tuple(outlet.notes))
 
 
-def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: RunDirectory | None = None) -> Mapped:
+def map_recording(
+    recording: Sequence,
+    settings: Config,
+    outlet: Outlet,
+    run: RunDirectory | None = None,
+    clock: Clock | None = None,
+) -> Mapped:
     """Perceive, track, place the camera, map."""
-    clock, category = stages.Clock(), load_category(settings.input.category)
+    clock, category = clock or Clock(), load_category(settings.input.category)
     # What cannot be right ends the run before the first image is looked at
     recording = recording.with_poses_only()
     stages.need_poses(recording)
@@ -78,18 +85,20 @@ def map_recording(recording: Sequence, settings: Config, outlet: Outlet, run: Ru
     return Mapped(frames, mapping, clock)
 
 
-def run_map(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+def run_map(
+    settings: Config, out: Path, outlet: Outlet, *, overwrite: bool, clock: Clock | None = None
+) -> dict[str, float]:
     """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
     with stages.begin("map", settings, out, outlet, overwrite=overwrite) as begun:
-        return begun.figures or _map_into(begun, settings, outlet)
+        return begun.figures or _map_into(begun, settings, outlet, clock or Clock())
 
 
-def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet) -> dict[str, float]:
+def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
     """The same where the run is not there yet."""
     recording, run = begun.recording, begun.run
-    made = map_recording(recording, settings, outlet, run)
+    made = map_recording(recording, settings, outlet, run, clock)
     stages.save(recording, made.frames, made.mapping, run)
     save_left_out_tracks(made.mapping, run, outlet)
     figures = stages.figures(recording, made.mapping, made.clock) | evaluate_run(recording.root, run.folder)
-    save_map_report(recording, made.frames, made.mapping, settings.input.category, figures, run)
+    figures = save_map_report(recording, made.frames, made.mapping, settings.input.category, figures, run, clock)
     return stages.end(begun, figures, outlet)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence as Rows
+from typing import TYPE_CHECKING
 
 from meshslam.categories import load_category
 from meshslam.geometry import Floats, Pose
-from meshslam.localization import Localization
-from meshslam.mapping import ObjectMapping
 from meshslam.maps import CameraPath, Map, RunDirectory
 from meshslam.perception import DetectionSet
+from meshslam.runs.clock import REPORT, Clock
 from meshslam.sequences import Sequence
 from meshslam.viewing import (
     ReportContext,
-    can_plot,
     can_record,
     iterations_chart,
     path_chart,
     write_recording,
     write_report,
 )
+
+if TYPE_CHECKING:
+    from meshslam.localization import Localization
+    from meshslam.mapping import ObjectMapping
 
 Paths = dict[str, tuple[Pose, ...]]
 
@@ -31,14 +35,15 @@ def save_map_report(
     category: str,
     figures: dict[str, float],
     run: RunDirectory,
+    clock: Clock,
     other_paths: Paths | None = None,
-) -> None:
-    """The report of a map that was made."""
+) -> dict[str, float]:
+    """The report of a map that was made; the figures with all times and the memory, the report's too."""
     mean = load_category(category).vertices
     stages = {number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()}
     left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
     path, seen = frames.world_from_camera, mapping.detections
-    _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages)
+    return _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages, clock)
 
 
 def save_localization_report(
@@ -48,11 +53,12 @@ def save_localization_report(
     figures: dict[str, float],
     run: RunDirectory,
     other_paths: Paths,
-) -> None:
-    """The report of a path in a map that was given."""
+    clock: Clock,
+) -> dict[str, float]:
+    """The report of a path in a map that was given; the figures as for a map."""
     moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
     path, seen = result.world_from_camera, result.detections
-    _save(recording, path, seen, scene, moved, figures, run, other_paths, {})
+    return _save(recording, path, seen, scene, moved, figures, run, other_paths, {}, clock)
 
 
 def _save(
@@ -65,8 +71,17 @@ def _save(
     run: RunDirectory,
     other_paths: Paths,
     stages: dict[int, tuple[Pose, Floats]],
-) -> None:
+    clock: Clock,
+) -> dict[str, float]:
     """Write report.html, and recording.rrd where the Rerun SDK is installed."""
+    began_s = time.perf_counter()
+    last: dict[str, float] = {}
+
+    def last_figures() -> dict[str, float]:
+        clock.seconds[REPORT] = time.perf_counter() - began_s
+        last.update(figures | clock.figures(len(recording)))
+        return last
+
     context = ReportContext(
         title=recording.name,
         camera=recording.camera,
@@ -76,7 +91,6 @@ def _save(
         detections=detections,
         map=scene,
         left_out=tuple(left_out),
-        metrics=figures,
         other_paths=other_paths,
         stages=stages,
         charts=_charts(world_from_camera, scene, other_paths, figures, run),
@@ -84,14 +98,15 @@ def _save(
     if can_record():
         with run.written("recording.rrd") as part:
             write_recording(context, part)
-    run.save("report.html", write_report(context))
+    run.save("report.html", write_report(context, last_figures))
+    return last
 
 
 def _charts(
     path: tuple[Pose, ...], scene: Map, others: Paths, figures: dict[str, float], run: RunDirectory
 ) -> tuple[tuple[str, bytes], ...]:
-    """path.png and iterations.png, as in the paper; none where the path was given, or without Matplotlib."""
-    if not others or not can_plot():
+    """path.png and iterations.png, as in the paper; none where the path was given."""
+    if not others:
         return ()
     drawn = dict(reversed(others.items())) | {"estimate": path}  # truth below, the estimate on top
     charts = [("path.png", "The path among the objects, from above.", path_chart(scene, drawn))]

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from meshslam.errors import ConfigError, SequenceError
+from meshslam.files import must_exist
 from meshslam.runs.commands import uses, why_unused
 from meshslam.runs.config import Config
 from meshslam.runs.names import advice, written
@@ -70,10 +71,9 @@ def _misplaced(path: str, value: object, known: Mapping[str, Setting]) -> str:
 
 def read_yaml(path: Path) -> object:
     """A YAML file's content; ConfigError names the file if it cannot be read."""
+    must_exist(path, "configuration file", ConfigError)
     try:
         document: object = parsed_yaml(path, path.read_text(encoding="utf-8-sig"), _Loader)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such configuration file") from None
     except SequenceError as error:
         raise ConfigError(str(error)) from None
     except (OSError, UnicodeDecodeError) as error:

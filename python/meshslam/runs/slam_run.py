@@ -10,6 +10,7 @@ from meshslam.evaluation import evaluate_run
 from meshslam.maps import CameraPath, RunDirectory
 from meshslam.object_slam import SlamResult, slam_sequence
 from meshslam.runs import stages
+from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_left_out_tracks
@@ -22,7 +23,7 @@ from meshslam.sequences import Sequence
 
 
 def slam_recording(
-    recording: Sequence, settings: Config, outlet: Outlet, clock: stages.Clock, run: RunDirectory | None = None
+    recording: Sequence, settings: Config, outlet: Outlet, clock: Clock, run: RunDirectory | None = None
 ) -> SlamResult:
     """Perceive, track, estimate path and objects together."""
     category, by_odometry = load_category(settings.input.category), settings.slam.poses == "odometry"
@@ -47,15 +48,17 @@ def slam_recording(
     return result
 
 
-def run_slam(settings: Config, out: Path, outlet: Outlet, *, overwrite: bool) -> dict[str, float]:
+def run_slam(
+    settings: Config, out: Path, outlet: Outlet, *, overwrite: bool, clock: Clock | None = None
+) -> dict[str, float]:
     """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
     with stages.begin("slam", settings, out, outlet, overwrite=overwrite) as begun:
-        return begun.figures or _slam_into(begun, settings, outlet)
+        return begun.figures or _slam_into(begun, settings, outlet, clock or Clock())
 
 
-def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet) -> dict[str, float]:
+def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
     """The same where the run is not there yet."""
-    recording, run, clock = begun.recording, begun.run, stages.Clock()
+    recording, run = begun.recording, begun.run
     result = slam_recording(recording, settings, outlet, clock, run)
     path, height = result.trajectory, recording.height_above_ground_m
     frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
@@ -67,5 +70,5 @@ def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet) -> dict[st
     by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
     figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
     drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
-    save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, drawn)
+    figures = save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, clock, drawn)
     return stages.end(begun, figures, outlet)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import resource
-import time
 from collections.abc import Iterator
 from collections.abc import Sequence as Rows
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,33 +21,13 @@ from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
 from meshslam.maps import INDEX, CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
+from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.inputs import input_digests
 from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
 from meshslam.sequences import Sequence, camera_yaml
-
-
-@dataclass
-class Clock:
-    """Seconds spent in each stage."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def timing(self, stage: str) -> Iterator[None]:
-        """Add the block's time to a stage."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
-
-    def move(self, from_stage: str, to_stage: str, seconds: float) -> None:
-        """Count a part of one stage's time as another's."""
-        self.seconds[from_stage] = self.seconds.get(from_stage, 0.0) - seconds
-        self.seconds[to_stage] = self.seconds.get(to_stage, 0.0) + seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +130,9 @@ def figures(recording: Sequence, mapping: ObjectMapping, clock: Clock) -> dict[s
 
 
 def run_figures(rows: dict[str, float], frames: int, clock: Clock) -> dict[str, float]:
-    """A run's own figures with its times and memory."""
-    total = sum(clock.seconds.values())
-    every: dict[str, float] = {
-        **rows,
-        "seconds_total": total,
-        **{f"seconds_{stage}": seconds for stage, seconds in clock.seconds.items()},
-        "milliseconds_per_frame": 1e3 * total / max(1, frames),
-        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    }
-    return {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in every.items()}
+    """A run's own figures with its times and memory up to now."""
+    rounded = {key: float(np.round(value, 6)) if isinstance(value, float) else value for key, value in rows.items()}
+    return rounded | clock.figures(frames)
 
 
 def metrics_json(rows: dict[str, float], notes: Rows[str] = ()) -> str:

@@ -1,26 +1,58 @@
 """Recordings on disk as sequences: one loader a layout behind one registry; the sequence folder's reader and writer."""
 
-from meshslam.sequences.cameras.read import read_camera
-from meshslam.sequences.check import check_sequence, inspect_sequence
-from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
-from meshslam.sequences.copying import copy_as_folder
-from meshslam.sequences.distortion import Distortion, undistorted
-from meshslam.sequences.folder import CameraFile, read_camera_file
-from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
-from meshslam.sequences.image_source import ImageFiles, ImageSource
-from meshslam.sequences.imu_files import read_imu
-from meshslam.sequences.lenses import LensModel
-from meshslam.sequences.loader import Loader, LoadOptions
-from meshslam.sequences.mounting_files import read_camera_from_body, read_extrinsics, with_imu
-from meshslam.sequences.opening import RecordingOptions
-from meshslam.sequences.path_files import read_path
-from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with
-from meshslam.sequences.report import Problem, Progress, Report, no_progress
-from meshslam.sequences.selection import TOPICS, read_seconds, read_selection, read_size, read_topics
-from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
-from meshslam.sequences.text import LARGEST, parsed_yaml
-from meshslam.sequences.tum import format_tum, read_tum
-from meshslam.sequences.turning import turns
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.sequences.cameras.read import read_camera
+    from meshslam.sequences.check import check_sequence, inspect_sequence
+    from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
+    from meshslam.sequences.copying import copy_as_folder
+    from meshslam.sequences.distortion import Distortion, undistorted
+    from meshslam.sequences.folder import CameraFile, read_camera_file
+    from meshslam.sequences.folder_writer import camera_yaml, write_sequence_folder
+    from meshslam.sequences.image_source import ImageFiles, ImageSource
+    from meshslam.sequences.imu_files import read_imu
+    from meshslam.sequences.lenses import LensModel
+    from meshslam.sequences.loader import Loader, LoadOptions
+    from meshslam.sequences.mounting_files import read_camera_from_body, read_extrinsics, with_imu
+    from meshslam.sequences.opening import RecordingOptions
+    from meshslam.sequences.path_files import read_path
+    from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with
+    from meshslam.sequences.report import Problem, Progress, Report, no_progress
+    from meshslam.sequences.selection import TOPICS, read_seconds, read_selection, read_size, read_topics
+    from meshslam.sequences.sequence import ImuSamples, InitialState, Sequence
+    from meshslam.sequences.text import LARGEST, parsed_yaml
+    from meshslam.sequences.tum import format_tum, read_tum
+    from meshslam.sequences.turning import turns
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "cameras.read": "read_camera",
+            "check": "check_sequence inspect_sequence",
+            "conventions": "CONVENTIONS WORLD_FROM_FIRST_CAMERA Convention in_convention",
+            "copying": "copy_as_folder",
+            "distortion": "Distortion undistorted",
+            "folder": "CameraFile read_camera_file",
+            "folder_writer": "camera_yaml write_sequence_folder",
+            "image_source": "ImageFiles ImageSource",
+            "imu_files": "read_imu",
+            "lenses": "LensModel",
+            "loader": "Loader LoadOptions",
+            "mounting_files": "read_camera_from_body read_extrinsics with_imu",
+            "opening": "RecordingOptions",
+            "path_files": "read_path",
+            "registry": "LOADERS find_loader open_sequence open_with",
+            "report": "Problem Progress Report no_progress",
+            "selection": "TOPICS read_seconds read_selection read_size read_topics",
+            "sequence": "ImuSamples InitialState Sequence",
+            "text": "LARGEST parsed_yaml",
+            "tum": "format_tum read_tum",
+            "turning": "turns",
+        },
+    )
 
 __all__ = [
     "CONVENTIONS",

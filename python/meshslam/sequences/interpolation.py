@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence as Items
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from meshslam.errors import SequenceError
 from meshslam.geometry import Floats, Pose
@@ -32,6 +31,8 @@ def interpolate_poses(times_s: Floats, poses: Items[Pose], at_s: Floats) -> tupl
 
 
 def _between(a: Pose, b: Pose, share: float) -> Pose:
+    from scipy.spatial.transform import Rotation  # slow to import
+
     turn = Rotation.from_matrix(a.rotation.T @ b.rotation).as_rotvec()
     rotation = a.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
     return Pose(rotation, a.translation + share * (b.translation - a.translation))

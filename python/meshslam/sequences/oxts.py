@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.spatial.transform import Rotation
 
 from meshslam.geometry import Floats, Ints, Pose
 from meshslam.sequences.report import Report, fail
@@ -105,6 +103,8 @@ def world_from_imu(rows: Floats, origin: Floats) -> tuple[Pose, ...]:
     Mercator projection with the scale of the origin's latitude, as convertOxtsToPose.m of KITTI's development kit;
     unlike there the axes stay east, north, up.
     """
+    from scipy.spatial.transform import Rotation  # slow to import
+
     positions = _mercator(rows, float(origin[LATITUDE_DEG])) - _mercator(origin[None], float(origin[LATITUDE_DEG]))
     rotations = Rotation.from_euler("ZYX", rows[:, [YAW, PITCH, ROLL]]).as_matrix()
     return tuple(Pose(r, p) for r, p in zip(rotations, positions, strict=True))
@@ -137,6 +137,8 @@ def regular_times(times_s: Floats, window: int = 101) -> Floats:
     back afterwards. Time minus sample number times period is constant between gaps: what leaves its running median by
     more than half a period is set to it.
     """
+    from scipy.ndimage import median_filter  # slow to import
+
     if len(times_s) < 3:
         return times_s
     index = np.arange(len(times_s))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
-from meshslam.files import real_path
+from meshslam.files import must_exist, real_path
 from meshslam.sequences.bags.loader import Mcap, RosBag
 from meshslam.sequences.conventions import Convention
 from meshslam.sequences.folder import SequenceFolder
@@ -128,8 +128,7 @@ def _path(given: Path | str | None) -> Path | None:
 
 def find_loader(path: Path, layout: str | None = None) -> Loader:
     """Return the loader of that name, or the first that recognizes the folder or file; SequenceError if none does."""
-    if not path.exists():
-        raise SequenceError(f"{path}: no such folder or file")
+    must_exist(path, "folder or file", SequenceError)
     if layout is not None:
         named = [loader for loader in LOADERS if loader.name == layout]
         if not named:

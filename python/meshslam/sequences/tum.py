@@ -6,9 +6,8 @@ from collections.abc import Sequence as Items
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, quaternions_of_rotations, rotations_of_quaternions
 from meshslam.sequences.report import Report, fail
 from meshslam.sequences.text import check_increasing, read_table
 
@@ -33,7 +32,7 @@ def poses_of_rows(path: Path, rows: Floats, lines: Items[int], report: Report) -
     check_increasing(path, kept[:, 0], tuple(np.array(lines, int)[keep].tolist()), report)
     if not len(kept):
         raise fail(path, "", "holds no poses")
-    rotations = Rotation.from_quat(kept[:, 4:]).as_matrix()
+    rotations = rotations_of_quaternions(kept[:, 4:])
     return kept[:, 0], tuple(Pose(r, t) for r, t in zip(rotations, kept[:, 1:4], strict=True))
 
 
@@ -41,7 +40,7 @@ def format_tum(times_s: Floats, poses: Items[Pose]) -> str:
     """Write poses with nine decimals, the quaternion's w never negative, no minus before zero."""
     if not len(poses):
         return ""
-    quaternions = Rotation.from_matrix(np.stack([p.rotation for p in poses])).as_quat(canonical=True)
+    quaternions = quaternions_of_rotations(np.stack([p.rotation for p in poses]))
     rows = np.column_stack([times_s, np.stack([p.translation for p in poses]), quaternions])
     rows = np.round(rows, 9) + 0.0
     return "".join(" ".join(f"{value:.9f}" for value in row) + "\n" for row in rows)

@@ -1,18 +1,49 @@
 """Worlds that are known exactly, and recordings of them."""
 
-from meshslam.simulation.bodies import UPRIGHT_REAR_M, Body, BodySource, procedural_bodies, procedural_body, shapes_of
-from meshslam.simulation.cars import ProceduralCar, make_cars, meshed_cars
-from meshslam.simulation.config import DEMO, SimulationConfig, make_world, simulate_street
-from meshslam.simulation.fronts import Wall
-from meshslam.simulation.light import Light, draw_light, lit, shaded
-from meshslam.simulation.look import draw_look
-from meshslam.simulation.materials import surface
-from meshslam.simulation.motion import ImuNoise, simulated_imu
-from meshslam.simulation.recorded import PathFiles, recorded_street
-from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording
-from meshslam.simulation.render import render_image
-from meshslam.simulation.road import Road
-from meshslam.simulation.street import Car, Street, StreetConfig, driven_again, make_street
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.simulation.bodies import (
+        UPRIGHT_REAR_M,
+        Body,
+        BodySource,
+        procedural_bodies,
+        procedural_body,
+        shapes_of,
+    )
+    from meshslam.simulation.cars import ProceduralCar, make_cars, meshed_cars
+    from meshslam.simulation.config import DEMO, SimulationConfig, make_world, simulate_street
+    from meshslam.simulation.fronts import Wall
+    from meshslam.simulation.light import Light, draw_light, lit, shaded
+    from meshslam.simulation.look import draw_look
+    from meshslam.simulation.materials import surface
+    from meshslam.simulation.motion import ImuNoise, simulated_imu
+    from meshslam.simulation.recorded import PathFiles, recorded_street
+    from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording
+    from meshslam.simulation.render import render_image
+    from meshslam.simulation.road import Road
+    from meshslam.simulation.street import Car, Street, StreetConfig, driven_again, make_street
+else:
+    __getattr__ = deferred(
+        __name__,
+        {
+            "bodies": "UPRIGHT_REAR_M Body BodySource procedural_bodies procedural_body shapes_of",
+            "cars": "ProceduralCar make_cars meshed_cars",
+            "config": "DEMO SimulationConfig make_world simulate_street",
+            "fronts": "Wall",
+            "light": "Light draw_light lit shaded",
+            "look": "draw_look",
+            "materials": "surface",
+            "motion": "ImuNoise simulated_imu",
+            "recorded": "PathFiles recorded_street",
+            "recording": "EXACT ObserverConfig observe write_recording",
+            "render": "render_image",
+            "road": "Road",
+            "street": "Car Street StreetConfig driven_again make_street",
+        },
+    )
 
 __all__ = [
     "DEMO",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -10,7 +12,7 @@ from meshslam.maps import MapObject
 from meshslam.perception import Detection
 from meshslam.viewing.context import ReportContext
 from meshslam.viewing.markup import jpeg_uri, size_m, text
-from meshslam.viewing.mesh_layer import Shape, laid_over, mesh_layer, shape_of
+from meshslam.viewing.mesh_layer import Shape, mesh_layer, shape_of
 from meshslam.viewing.overlay import blank_or_copy, colour_of, draw_mask
 
 OBJECTS = 24  # at most: those seen in most views
@@ -18,14 +20,17 @@ CROP_PX = (300, 200)  # width, height
 MARGIN = 0.22  # of the box, on every side
 
 
-def crops(context: ReportContext) -> str:
-    """Pairs of pictures, each in the frame that shows the object largest; empty without stages."""
-    if not context.stages:
-        return ""
-    best = {thing.id: _largest(context, thing.id) for thing in context.map.objects if thing.id in context.stages}
+def choose_crops(context: ReportContext) -> dict[int, tuple[int, Detection]]:
+    """By object, ascending: index and detection of the frame that shows it largest; empty without stages."""
+    stages = context.stages or {}
+    best = {thing.id: _largest(context, thing.id) for thing in context.map.objects if thing.id in stages}
     shown = [thing for thing in context.map.objects if best.get(thing.id) is not None]
-    shown = sorted(sorted(shown, key=lambda thing: -thing.views)[:OBJECTS], key=lambda thing: thing.id)
-    pairs = [_pair(context, thing, view) for thing in shown if (view := best[thing.id]) is not None]
+    most = sorted(sorted(shown, key=lambda thing: -thing.views)[:OBJECTS], key=lambda thing: thing.id)
+    return {thing.id: view for thing in most if (view := best[thing.id]) is not None}
+
+
+def crops(pairs: Sequence[str]) -> str:
+    """Pairs of pictures beside each other; empty without any."""
     return f"<div class=crops>{''.join(pairs)}</div>" if pairs else ""
 
 
@@ -43,9 +48,8 @@ def _cut(detection: Detection) -> bool:
     return min(x, y, columns - x - width, rows - y - height) < 2
 
 
-def _pair(context: ReportContext, thing: MapObject, view: tuple[int, Detection]) -> str:
-    index, detection = view
-    image = None if context.read_image is None else context.read_image(index)
+def draw_pair(context: ReportContext, thing: MapObject, index: int, detection: Detection, image: Bytes | None) -> str:
+    """An object's two pictures in a frame, whose image is given where there is one."""
     canvas = blank_or_copy(image, context.camera)
     if image is None:
         draw_mask(canvas, detection, colour_of(detection, context.mapped_ids))
@@ -71,7 +75,7 @@ def _crop(context: ReportContext, canvas: Bytes, index: int, detection: Detectio
     move = np.array([[scale, 0, 0.5 * scale - 0.5 - left * scale], [0, scale, 0.5 * scale - 0.5 - top * scale]])
     ground = cv2.warpAffine(canvas, move, CROP_PX, flags=cv2.INTER_LINEAR, borderValue=(40, 40, 40))
     layer = mesh_layer(zoomed, context.world_from_camera[index], (shape,))
-    return laid_over(np.asarray(ground, np.uint8), layer.bgra)
+    return layer.over(np.asarray(ground, np.uint8))
 
 
 def _window(detection: Detection) -> tuple[float, float, float]:

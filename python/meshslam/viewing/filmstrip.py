@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,11 +13,10 @@ from meshslam.maps import object_colour
 from meshslam.perception import Detection
 from meshslam.viewing.context import ReportContext
 from meshslam.viewing.markup import jpeg_uri, png_uri, px, rgb, text
-from meshslam.viewing.mesh_layer import Box, mesh_layer, scaled_camera, shapes_of
+from meshslam.viewing.mesh_layer import Box, MeshLayer, Rect, mesh_layer, scaled_camera, shapes_of
 from meshslam.viewing.overlay import (
     LABEL_HEIGHT_PX,
     colour_of,
-    draw_overlay,
     keypoint_colour,
     label_width,
     mask_contours,
@@ -24,10 +24,10 @@ from meshslam.viewing.overlay import (
     unseen,
     visible_keypoints,
 )
+from meshslam.viewing.thumbnail import Seen, thumbnail
 
 FRAMES = 8
 WIDEST_PX = 1280
-THUMB_PX = 220
 CONTOUR_TOLERANCE_PX = 0.6
 
 
@@ -42,13 +42,26 @@ def _shown_px(context: ReportContext, index: int) -> float:
     return sum(d.bbox[2] * d.bbox[3] for d in found)
 
 
-def filmstrip(context: ReportContext, indices: Sequence[int]) -> str:
-    """The frames, and a strip of thumbnails below."""
+@dataclass(frozen=True)
+class FramePicture:
+    """One frame as drawn."""
+
+    frame: int  # its number
+    view: str  # attributes of an SVG in the image's own pixels
+    content: str  # what is inside the SVG
+    thumbnail: str  # data URI
+
+
+def filmstrip(pictures: Sequence[FramePicture]) -> str:
+    """The frames, the first of them shown, and a strip of thumbnails below."""
     frames, thumbs = [], []
-    for place, index in enumerate(indices):
-        image = None if context.read_image is None else context.read_image(index)
-        frames.append(_frame(context, index, image, hidden=place > 0))
-        thumbs.append(_thumb(context, index, image, current=place == 0))
+    for place, picture in enumerate(pictures):
+        hidden, pressed = (" hidden", "false") if place else ("", "true")
+        frames.append(f"<svg class=frame {picture.view}{hidden}>{picture.content}</svg>")
+        thumbs.append(
+            f'<button type=button aria-pressed={pressed}><img alt="" src="{picture.thumbnail}">'
+            f"<span>{picture.frame}</span></button>"
+        )
     return f"<div class=frames>{''.join(frames)}</div><div class=strip>{''.join(thumbs)}</div>"
 
 
@@ -64,40 +77,47 @@ def keypoint_legend(context: ReportContext) -> str:
     return f'<div class="legend points">{chips}</div>'
 
 
-def _frame(context: ReportContext, index: int, image: Bytes | None, *, hidden: bool) -> str:
-    """One frame as SVG in the image's own pixels."""
+def draw_frame(context: ReportContext, index: int, image: Bytes | None) -> FramePicture:
+    """One frame with its layers, and its thumbnail; meshes are drawn and masks unpacked once for both."""
     camera, found = context.camera, context.found_at(index)
     small = scaled_camera(camera, min(1.0, WIDEST_PX / camera.width))
     faint = unseen(context.mapped_ids, found)
     layer = mesh_layer(small, context.world_from_camera[index], shapes_of(context.map), faint)
-    enlarged = camera.width / small.width
+    shown = None if image is None else _sized(image, small.width, small.height)
+    seen = [_seen(context, d) for d in found]
+    scale, enlarged = camera.width / 1240, camera.width / small.width
     boxes = {n: _scaled(box, enlarged) for n, box in layer.boxes.items()}
-    scale = camera.width / 1240
+    labels = place_labels(boxes, faint, scale)
     whole = f'x="-0.5" y="-0.5" width="{camera.width}" height="{camera.height}"'
-    photo = "" if image is None else f'<image {whole} href="{jpeg_uri(_sized(image, small.width, small.height))}"/>'
-    meshes = f'<image class=meshes {whole} href="{png_uri(layer.bgra)}"/>' if boxes else ""
-    layers = (
-        ("masks", "".join(_mask(context, d) for d in found)),
-        ("boxes", "".join(_box(context, d) for d in found)),
-    )
-    under = "".join(f"<g class={name}>{content}</g>" for name, content in layers)
-    points = "".join(_points(d, scale) for d in found)
-    labels = "".join(_label(n, corner, scale) for n, corner in place_labels(boxes, faint, scale).items())
-    title = f"frame {context.frame_ids[index]}"
-    return (
-        f'<svg class=frame role=img aria-label="{title}" viewBox="-0.5 -0.5 {camera.width} {camera.height}"'
-        f"{' hidden' if hidden else ''}><rect class=ground {whole}/>{photo}{under}{meshes}"
-        f"<g class=points>{points}</g><g class=labels>{labels}</g></svg>"
-    )
-
-
-def _thumb(context: ReportContext, index: int, image: Bytes | None, *, current: bool) -> str:
-    drawn = draw_overlay(image, context.camera, context.world_from_camera[index], context.map, context.found_at(index))
-    small = scaled_camera(context.camera, min(1.0, THUMB_PX / context.camera.width))
+    photo = "" if shown is None else f'<image {whole} href="{jpeg_uri(shown)}"/>'
     frame = context.frame_ids[index]
-    uri = jpeg_uri(_sized(drawn, small.width, small.height), 70)
-    pressed = "true" if current else "false"
-    return f'<button type=button aria-pressed={pressed}><img alt="" src="{uri}"><span>{frame}</span></button>'
+    content = (
+        f"<rect class=ground {whole}/>{photo}<g class=masks>{''.join(map(_mask, seen))}</g>"
+        f"<g class=boxes>{''.join(map(_box, seen))}</g>{_meshes(layer, enlarged)}"
+        f"<g class=points>{''.join(_points(d, scale) for d in found)}</g>"
+        f"<g class=labels>{''.join(_label(n, corner, scale) for n, corner in labels.items())}</g>"
+    )
+    return FramePicture(
+        frame,
+        f'role=img aria-label="frame {frame}" viewBox="-0.5 -0.5 {camera.width} {camera.height}"',
+        content,
+        jpeg_uri(thumbnail(shown, camera, layer, small, seen, labels), 70),
+    )
+
+
+def _seen(context: ReportContext, detection: Detection) -> Seen:
+    return Seen(detection, mask_contours(detection.mask()), colour_of(detection, context.mapped_ids))
+
+
+def _meshes(layer: MeshLayer, enlarged: float) -> str:
+    """The layer's rectangles, at their places in the image's own pixels."""
+    return "".join(f"<image class=meshes {_place(p.rect, enlarged)} href={png_uri(p.bgra)!r}/>" for p in layer.patches)
+
+
+def _place(rect: Rect, enlarged: float) -> str:
+    x, y, width, height = (f"{enlarged * side:.6g}" for side in rect)
+    place = f'x="{x}" y="{y}" width="{width}" height="{height}" preserveAspectRatio="none"'
+    return f'{place} transform="translate(-0.5 -0.5)"'
 
 
 def _sized(image: Bytes, width: int, height: int) -> Bytes:
@@ -116,23 +136,19 @@ def _name(detection: Detection) -> str:
     return f"{text(detection.category)} {detection.score:.2f}, {track}"
 
 
-def _mask(context: ReportContext, detection: Detection) -> str:
+def _mask(seen: Seen) -> str:
     """A mask's borders as one path, filled by the even-odd rule."""
-    borders = [
-        cv2.approxPolyDP(c.astype(np.float32)[:, None], CONTOUR_TOLERANCE_PX, True)[:, 0]
-        for c in mask_contours(detection.mask())
-    ]
+    borders = [cv2.approxPolyDP(c.astype(np.float32)[:, None], CONTOUR_TOLERANCE_PX, True)[:, 0] for c in seen.borders]
     path = "".join("M" + "L".join(f"{px(x)},{px(y)}" for x, y in c.tolist()) + "z" for c in borders if len(c) > 2)
-    colour = rgb(colour_of(detection, context.mapped_ids))
-    return f'<path d="{path}" fill="{colour}"><title>{_name(detection)}</title></path>' if path else ""
+    title = f"<title>{_name(seen.detection)}</title>"
+    return f'<path d="{path}" fill="{rgb(seen.colour)}">{title}</path>' if path else ""
 
 
-def _box(context: ReportContext, detection: Detection) -> str:
-    x, y, width, height = (px(v) for v in detection.bbox)
-    colour = rgb(colour_of(detection, context.mapped_ids))
+def _box(seen: Seen) -> str:
+    x, y, width, height = (px(v) for v in seen.detection.bbox)
     return (
-        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" stroke="{colour}">'
-        f"<title>{_name(detection)}</title></rect>"
+        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" stroke="{rgb(seen.colour)}">'
+        f"<title>{_name(seen.detection)}</title></rect>"
     )
 
 

@@ -14,6 +14,9 @@ from meshslam.errors import MapError
 from meshslam.geometry import AnyArray, Bytes, Floats
 
 UNKNOWN = "&ndash;"
+PNG_LEVEL = 6  # 9 takes ten times as long for 2%
+# flat faces pack best without a filter: a quarter smaller than by differences; OpenCV has the choice from 4.11 on
+PNG_FILTER = [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE] if hasattr(cv2, "IMWRITE_PNG_FILTER") else []
 
 
 def text(value: object) -> str:
@@ -54,19 +57,28 @@ def table(headings: list[str], rows: list[list[str]], classes: str = "") -> str:
 
 def jpeg_uri(image: Bytes, quality: int = 80) -> str:
     """A BGR image as a data URI."""
-    return _uri("jpeg", ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return _uri("jpeg", _packed_as(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality]))
 
 
 def png_uri(image: Bytes) -> str:
     """A BGR or BGRA image as a data URI."""
-    return _uri("png", ".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return _uri("png", png_bytes(image))
 
 
-def _uri(kind: str, suffix: str, image: Bytes, options: list[int]) -> str:
+def png_bytes(image: Bytes) -> bytes:
+    """A BGR or BGRA image as a PNG file."""
+    return _packed_as(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL, *PNG_FILTER])
+
+
+def _packed_as(suffix: str, image: Bytes, options: list[int]) -> bytes:
     done, content = cv2.imencode(suffix, image, options)
     if not done:
-        raise MapError(f"a picture of shape {image.shape} for the report cannot be packed as {kind}")
-    return f"data:image/{kind};base64,{base64.b64encode(content.tobytes()).decode('ascii')}"
+        raise MapError(f"a picture of shape {image.shape} for the report cannot be packed as {suffix[1:]}")
+    return content.tobytes()
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def packed(array: AnyArray) -> str:

@@ -12,7 +12,7 @@ from meshslam.errors import GeometryError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.maps import Map, object_colour
 from meshslam.perception import Detection
-from meshslam.viewing.mesh_layer import Box, laid_over, mesh_layer, shapes_of
+from meshslam.viewing.mesh_layer import Box, mesh_layer, shapes_of
 
 GROUND = 216  # grey, where there is no image
 UNMAPPED_RGB = (150, 150, 150)
@@ -41,7 +41,7 @@ def draw_overlay(
         draw_mask(canvas, d, colour_of(d, mapped))
     faint = unseen(mapped, detections)
     layer = mesh_layer(camera, world_from_camera, shapes_of(scene_map), faint)
-    canvas = laid_over(canvas, layer.bgra)
+    canvas = layer.over(canvas)
     for d in detections:
         _draw_box(canvas, d, colour_of(d, mapped))
         _draw_keypoints(canvas, d)

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from meshslam.geometry import Pose
 from meshslam.maps import Map
-from meshslam.viewing.charts import Line, line_charts
+from meshslam.viewing.charts import Line
 from meshslam.viewing.from_above import footprint
+from meshslam.viewing.line_picture import line_picture
 
 ITERATION = "ate_iteration_"  # of the figures' keys that hold an iteration's error
 
 
-def can_plot() -> bool:
-    """Whether Matplotlib (extra `plots`) is installed."""
-    return importlib.util.find_spec("matplotlib") is not None
-
-
 def path_chart(scene: Map, paths: Mapping[str, Sequence[Pose]]) -> bytes:
     """PNG of named paths and of the objects' footprints from above."""
-    return line_charts({"from above": lines_from_above(scene, paths)}, "x, m", "y, m", "png", equal=True)
+    return line_picture("from above", lines_from_above(scene, paths), "x, m", "y, m", equal=True)
 
 
 def lines_from_above(scene: Map, paths: Mapping[str, Sequence[Pose]]) -> list[Line]:
@@ -44,4 +39,4 @@ def iterations_chart(figures: Mapping[str, float]) -> bytes | None:
     if not errors:
         return None
     line = Line("absolute trajectory error", list(range(len(errors))), errors)
-    return line_charts({"error over the iterations": [line]}, "iterations", "m", "png")
+    return line_picture("error over the iterations", [line], "iterations", "m")

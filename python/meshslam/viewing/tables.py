@@ -61,6 +61,8 @@ FIGURES: dict[str, Figure] = {
     "seconds_tracking": Figure(COST, "tracking", "s", 1),
     "seconds_mapping": Figure(COST, "mapping", "s", 1),
     "seconds_localization": Figure(COST, "localization", "s", 1),
+    "seconds_imports": Figure(COST, "start and imports", "s", 1),
+    "seconds_report": Figure(COST, "report", "s", 1),
     "milliseconds_per_frame": Figure(COST, "per frame", "ms", 0),
     "peak_memory_mb": Figure(COST, "peak memory", "MB", 0),
 }

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from meshslam.categories.procedural.car import KEYPOINT_NAMES, cardinal_spline
+from meshslam.categories.keypoints import KEYPOINT_NAMES
+from meshslam.categories.procedural.car import cardinal_spline
 from meshslam.categories.procedural.styles import CLASSES, draw_car, draw_of_class
 from meshslam.categories.template import middle_car
 

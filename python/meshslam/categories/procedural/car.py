@@ -14,20 +14,6 @@ from scipy.ndimage import map_coordinates
 from meshslam.categories.procedural.solid import cast, curve_distance, project, smooth_max, smooth_min, smooth_step
 from meshslam.geometry import Floats
 
-KEYPOINT_NAMES = (
-    "left_front_wheel",
-    "left_back_wheel",
-    "right_front_wheel",
-    "right_back_wheel",
-    "upper_left_windshield",
-    "upper_right_windshield",
-    "upper_left_rearwindow",
-    "upper_right_rearwindow",
-    "left_front_light",
-    "right_front_light",
-    "left_back_trunk",
-    "right_back_trunk",
-)
 GRID = 0.03  # metres between samples of the profile's distance field
 MIRROR_FOOT = 0.12  # the mirror's foot inside the car's widest line
 TYRE_SHOULDER = 0.08  # over which a tyre is rounded

@@ -6,10 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from meshslam.errors import DetectionError
-from meshslam.geometry import Floats
+from meshslam.geometry import Floats, best_pairs
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.conversion.frames import files_in, frame_of
 from meshslam.perception.detections import Detection, DetectionSet
@@ -33,7 +32,7 @@ def with_openpifpaf(folder: Path, detections: DetectionSet, shift: int = 0) -> D
         cars = [d for d in by_frame.get(frame_of(path) + shift, ()) if d.category in VEHICLES]
         points = _annotations(path)
         overlap = np.array([[_overlap(d.bbox, _box(p)) for p in points] for d in cars]).reshape(len(cars), len(points))
-        for row, column in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
+        for row, column in best_pairs(overlap):
             if overlap[row, column] >= LEAST_OVERLAP:
                 filled[cars[row].id] = _with(cars[row], points[column][_ORDER])
     names = tuple(APOLLO_FROM_OURS)

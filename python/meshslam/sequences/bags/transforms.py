@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, rotations_of_quaternions
 from meshslam.sequences.bags.index import BagIndex, Edge
 from meshslam.sequences.interpolation import interpolate_poses
 
@@ -16,7 +15,7 @@ _FIXED_M, _FIXED = 1e-4, 1e-4  # by which a mounting's translation (m) and rotat
 
 def poses_of(rows: Floats) -> tuple[Pose, ...]:
     """Poses of rows x y z qx qy qz qw (n, 7)."""
-    rotations = Rotation.from_quat(rows[:, 3:]).as_matrix()
+    rotations = rotations_of_quaternions(rows[:, 3:])
     return tuple(Pose(r, t) for r, t in zip(rotations, rows[:, :3], strict=True))
 
 
