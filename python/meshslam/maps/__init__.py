@@ -9,6 +9,7 @@ from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import PlyMesh, format_ply
 from meshslam.maps.run_directory import FRAMES, RunDirectory
 from meshslam.maps.trajectory import Trajectory
+from meshslam.maps.trajectory_estimate import TrajectoryEstimate
 
 __all__ = [
     "FRAMES",
@@ -18,6 +19,7 @@ __all__ = [
     "PlyMesh",
     "RunDirectory",
     "Trajectory",
+    "TrajectoryEstimate",
     "format_ply",
     "object_colour",
     "read_figures",
