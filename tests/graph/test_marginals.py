@@ -75,9 +75,9 @@ def test_what_is_last_is_at_the_root_and_nothing_else_is(seed):
     tree = eliminated(graph, sorted(newest))
     whole, places = inverse(graph)
     at = np.concatenate([places[key] for key in newest])
-    (found,) = covariances_at_root(tree, [newest], WIDTHS)
+    (found,) = covariances_at_root(tree, [newest], WIDTHS.get)
     assert found == pytest.approx(whole[np.ix_(at, at)], rel=1e-6, abs=1e-9)
-    assert covariances_at_root(tree, [(X(0), V(0))], WIDTHS) is None
+    assert covariances_at_root(tree, [(X(0), V(0))], WIDTHS.get) is None
 
 
 # --- cameras

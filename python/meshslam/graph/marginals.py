@@ -10,7 +10,7 @@ Only blocks that the elimination connects are computed, so the cost grows with t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import gtsam
 import numpy as np
@@ -33,7 +33,7 @@ def joint_covariances(
     tied = gtsam.GaussianFactorGraph()
     tied.push_back(linear)
     for group in groups:
-        tied.push_back(_tie(group, widths))
+        tied.push_back(tie(group, widths))
     ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(tied, sorted(set(last)))
     blocks = _Blocks()
     net = tied.eliminateSequential(ordering, gtsam.EliminateQR)
@@ -42,25 +42,27 @@ def joint_covariances(
 
 
 def covariances_at_root(
-    tree: gtsam.GaussianBayesTree, groups: Sequence[Group], widths: Mapping[int, int]
+    tree: gtsam.GaussianBayesTree, groups: Sequence[Group], width_of: Callable[[int], int]
 ) -> list[Floats] | None:
-    """The same where all variables of the groups are at the end of the root of a Bayes tree; None where they are not.
+    """The same where all variables of the groups are in the root of a Bayes tree; None where they are not.
 
+    `width_of` gives a variable's width, 0 where it is not known any more.
     Of |R x - d| with an upper triangular R, the last rows are those of the last variables alone.
     """
-    wanted = {key for group in groups for key in group}
-    roots = tree.roots()
+    wanted, roots = {key for group in groups for key in group}, tree.roots()
     keys = list(roots[0].conditional().keys()) if len(roots) == 1 else []
-    if not wanted or set(keys[-len(wanted) :]) != wanted:
+    if not wanted or not wanted <= set(keys):
         return None
-    keys = keys[-len(wanted) :]
-    size = sum(widths[key] for key in keys)
+    keys = keys[min(keys.index(key) for key in wanted) :]
+    widths = [width_of(key) for key in keys]
+    if 0 in widths:
+        return None
+    ends = np.cumsum([0, *widths])
+    at = {key: np.arange(start, end) for key, start, end in zip(keys, ends[:-1], ends[1:], strict=True)}
+    size = int(ends[-1])
     root = np.asarray(roots[0].conditional().R())[-size:, -size:]
     inverse = solve_triangular(root, np.eye(size), check_finite=False)
-    covariance, at, start = inverse @ inverse.T, {}, 0
-    for key in keys:
-        at[key] = np.arange(start, start + widths[key])
-        start += widths[key]
+    covariance = inverse @ inverse.T
     places = [np.concatenate([at[key] for key in group]) for group in groups]
     return [covariance[np.ix_(place, place)] for place in places]
 
@@ -101,7 +103,7 @@ class _Blocks:
         self._blocks[key, key] = 0.5 * (own + own.T)
 
 
-def _tie(group: Group, widths: Mapping[int, int]) -> gtsam.GaussianFactor:
+def tie(group: Group, widths: Mapping[int, int]) -> gtsam.GaussianFactor:
     """A factor that says nothing: with it, the elimination connects a group's variables."""
     values = gtsam.Values()
     for key in group:
