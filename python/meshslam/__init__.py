@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from meshslam.localization import Localizer
-    from meshslam.maps import Map, Trajectory
+    from meshslam.maps import Map, Trajectory, TrajectoryEstimate
     from meshslam.object_slam import Slam
     from meshslam.runs import Config, evaluate, localize, map_drive, slam
     from meshslam.sequences import open_sequence
@@ -29,6 +29,7 @@ __all__ = [
     "Map",
     "Slam",
     "Trajectory",
+    "TrajectoryEstimate",
     "__version__",
     "evaluate",
     "localize",
@@ -43,6 +44,7 @@ _ROOM_OF = {
     "Map": "maps",
     "Slam": "object_slam",
     "Trajectory": "maps",
+    "TrajectoryEstimate": "maps",
     "evaluate": "runs",
     "localize": "runs",
     "map_drive": "runs",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from meshslam.maps import Map
+from meshslam.maps import Map, TrajectoryEstimate
 from meshslam.sequences import camera_yaml, open_sequence
 from tests.cli.conftest import done, error_of, meshslam
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, samples_of
@@ -53,9 +53,19 @@ def test_localize_writes_a_run(drive, tmp_path):
         assert (run / name).is_file()
     assert not (run / "map.json").exists()
     assert "IMU alone" in (run / "report.html").read_text()
+    estimate = TrajectoryEstimate.load(run / "trajectory.csv")
+    assert estimate.trajectory.to_tum() == (run / "trajectory.tum").read_bytes()
+    assert np.linalg.eigvalsh(estimate.covariances).min() > 0
+    assert set(estimate.sources) <= {"images", "imu"}
+    assert (np.array(estimate.sources) == "imu").tolist() == estimate.extrapolated.tolist()
+    assert figures["position_sigma_mean_m"] == pytest.approx(estimate.position_sigmas_m.mean(), abs=1e-5)
+    assert figures["rotation_sigma_mean_deg"] == pytest.approx(
+        np.degrees(estimate.rotation_sigmas_rad).mean(), abs=1e-5
+    )
     again = tmp_path / "again"
     done("localize", drive, "--map", drive / "objects.json", "--out", again)
-    assert (again / "trajectory.tum").read_bytes() == (run / "trajectory.tum").read_bytes()
+    for name in ("trajectory.tum", "trajectory.csv"):
+        assert (again / name).read_bytes() == (run / name).read_bytes()
 
 
 def test_truth_never_reaches_the_path(drive, tmp_path):
@@ -124,12 +134,19 @@ def test_what_a_path_suffers_from_is_noted(drive, tmp_path):
 def test_slam_by_odometry_and_by_the_papers_solver(source, drive, tmp_path):
     """Its poses as odometry; then IMU and gradient descent, the error after each iteration recorded."""
     reckoned = json.loads(done("slam", source, "--poses", "odometry", "--out", tmp_path / "a", "--json").stdout)
+    estimate = TrajectoryEstimate.load(tmp_path / "a" / "trajectory.csv")
+    assert len(estimate) == 6
+    assert estimate.biases is None
+    assert set(estimate.sources) <= {"images", "odometry"}
     assert reckoned["scale_by_odometry"] == 1.0
     assert reckoned["scale_by_imu"] == 0.0
     few = tmp_path / "few.yaml"
     few.write_text("expert: {slam: {gradient_iterations: 2}, objects: {gradient: {shape_iterations: 5}}}\n")
     command = ("slam", drive, "--solver", "gradient", "--config", few, "--out", tmp_path / "b", "--json")
-    figures = json.loads(done(*command).stdout)
+    finished = done(*command)
+    assert not (tmp_path / "b" / "trajectory.csv").exists()
+    assert "trajectory.csv: not written: the solver gradient gives no uncertainty" in finished.stderr
+    figures = json.loads(finished.stdout)
     recorded = sorted(key for key in figures if key.startswith("ate_iteration_"))
     assert len(recorded) == figures["iterations"] + 1
     assert figures[recorded[0]] == figures["ate_initial_rmse_m"]

@@ -17,10 +17,12 @@ import meshslam.graph
 from meshslam.categories import load_category
 from meshslam.features import PointConfig, PointTracks
 from meshslam.geometry import Camera, NoiseModel, Pose, exp_so3, render
+from meshslam.graph.config import StartConfig
 from meshslam.graph.displacement_factor import displacement_factor
 from meshslam.graph.object_factor import CameraMemo, ObservationCost, object_factor
 from meshslam.graph.point_factor import point_factor
 from meshslam.graph.road_factor import road_factor
+from meshslam.graph.start_factors import start_pose_factor
 from meshslam.graph.window import linear_factor, rows_factor
 from meshslam.motion import to_pose3
 from meshslam.objects import ObjectConfig, category_model, make_view
@@ -193,6 +195,19 @@ def displacement_case(rng, share=1.01):
 @makes(displacement_factor, "displacement far beyond its kernel")
 def wild_displacement_case(rng):
     return displacement_case(rng, share=2.0)
+
+
+@makes(start_pose_factor, "the first camera's pose")
+def start_case(rng):
+    """All sigmas are one number, so that whitening is a factor."""
+    given, mounting, values = random_pose(rng), random_mounting(rng), gtsam.Values()
+    insert_camera(values, 0, given.retract(rng.normal(0, 0.2, 6)), mounting, rng)
+    insert_mounting(values, mounting, rng)
+    sigma_deg = float(np.degrees(0.1))
+    start = StartConfig(position_sigma_m=0.1, rotation_sigma_deg=sigma_deg, heading_sigma_deg=sigma_deg)
+    keys, memo = (X(0), V(0), E(0), T(0)), CameraMemo(mounting.translation, rng.normal(0, 0.3, 3))
+    factor = start_pose_factor(start, given, keys, memo)
+    return Case(factor, values, dict(zip(keys, (6, 3, 3, 1), strict=True)))
 
 
 # --- linear ones

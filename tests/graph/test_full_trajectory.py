@@ -45,6 +45,11 @@ def run(rng):
     return history, window, [(i, i - 32) for i in range(32, STEPS)]
 
 
+def smoothed(*given):
+    everything, held = smooth_full_trajectory(*given)
+    return everything.values, held
+
+
 def error_m(values):
     places = [values.atPose3(X(i)).translation() for i in range(STEPS + 1)]
     return np.linalg.norm(np.array(places) - [p.translation() for p in truth()], axis=1)
@@ -53,8 +58,8 @@ def error_m(values):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_loop_is_closed(seed):
     history, window, joined = run(np.random.default_rng(seed))
-    alone, _ = smooth_full_trajectory(history, window, [], 10)
-    closed, held = smooth_full_trajectory(history, window, joined, 10)
+    alone, _ = smoothed(history, window, [], 10)
+    closed, held = smoothed(history, window, joined, 10)
     assert held == tuple(joined)
     assert error_m(closed)[-1] < 0.5 * error_m(alone)[-1]
     gaps = [closed.atPose3(O(a)).translation() - closed.atPose3(O(b)).translation() for a, b in joined]
@@ -63,14 +68,14 @@ def test_a_loop_is_closed(seed):
 
 def test_a_wrong_pair_is_taken_back():
     history, window, joined = run(np.random.default_rng(0))
-    right, _ = smooth_full_trajectory(history, window, joined, 10)
-    found, held = smooth_full_trajectory(history, window, [*joined, (20, 4)], 10)
+    right, _ = smoothed(history, window, joined, 10)
+    found, held = smoothed(history, window, [*joined, (20, 4)], 10)
     assert held == tuple(joined)
     assert np.abs(error_m(found) - error_m(right)).max() < 0.05
 
 
 def test_without_pairs_nothing_that_left_is_lost():
     history, window, _ = run(np.random.default_rng(1))
-    values, _ = smooth_full_trajectory(history, window, [], 10)
+    values, _ = smoothed(history, window, [], 10)
     assert values.size() == history.values.size() + window.values.size() == 3 * STEPS + 1
     assert np.allclose(values.atPose3(X(STEPS)).matrix(), window.values.atPose3(X(STEPS)).matrix(), atol=1e-3)

@@ -34,7 +34,7 @@ def predicted(drive, seen, scene, monkeypatch):
         by_frame, state, rows = seen.by_frame(), start_of(drive), []
         localizer.begin(0, state, drive.imu, by_frame[0])
         for index in range(1, frames):
-            _, last = localizer.velocity_and_covariance
+            last = localizer.camera_covariance
             begun, before = localizer._state, localizer.path[index - 1]
             given.clear()
             report = localizer.process(index, float(drive.times_s[index]), drive.imu, by_frame[index])
@@ -62,14 +62,14 @@ def test_a_prediction_is_the_last_pose_moved_along_and_what_the_step_adds(predic
         added = PROCESS.copy()
         added[:3, :3] += step[3:6, 3:6]  # GTSAM: rotation, translation, velocity
         added[3:, 3:] += step[:3, :3]
-        expected = moved(in_camera(last), before, after) + in_camera(added)
+        expected = moved(last, before, after) + in_camera(added)
         scale = np.sqrt(np.outer(np.diag(given), np.diag(given)))
         assert (np.abs(given - expected) < 0.02 * scale).all()
 
 
 def test_no_prediction_is_surer_than_the_frame_before(predicted):
     for before, after, last, _, given in predicted(ImuConfig()):
-        grown = np.linalg.eigvalsh(given - moved(in_camera(last), before, after))
+        grown = np.linalg.eigvalsh(given - moved(last, before, after))
         assert grown.min() > 0
         assert grown.max() > 0.9 * PROCESS.max()
 

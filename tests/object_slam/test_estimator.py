@@ -127,7 +127,7 @@ def test_wheels_are_as_far_below_the_camera_as_its_height_is_told(copied, drive,
     for number in report.objects:
         mark = estimator.landmarks[number]
         wheels = mark.world_from_object.translation[2] + estimator.vertices(mark)[:, 2].min()
-        assert estimator.path[SAVED + 1].translation[2] - wheels == pytest.approx(height_m, abs=0.03)
+        assert estimator.path[SAVED + 1].translation[2] - wheels == pytest.approx(height_m, abs=0.04)
 
 
 def test_the_height_is_measured_again_only_from_clearly_nearer(copied, run):

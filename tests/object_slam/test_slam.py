@@ -56,6 +56,9 @@ def test_saved_in_the_middle_it_goes_on_here_and_there_in_the_same_way(drive, to
     here = [first.process(**item) for item in items[9:]]
     there = [second.process(**item) for item in items[9:]]
     assert cameras(here) == pytest.approx(cameras(there), abs=ROUNDING)
+    for one, other in zip(here, there, strict=True):
+        assert one.camera_covariance == pytest.approx(other.camera_covariance, rel=1e-4, abs=1e-12)
+    assert first.finish().estimate.to_csv() == second.finish().estimate.to_csv()
     assert [s.objects for s in here] == [s.objects for s in there] == [s.objects for s in apart[9:]]
     assert errors_m(path(first), path(second)).max() < ROUNDING
     assert np.linalg.norm(cameras(here)[:, :3, 3] - cameras(apart[9:])[:, :3, 3], axis=1).max() < 0.02
@@ -117,3 +120,49 @@ def test_mistakes_are_said(drive, told, items, tmp_path):
         Slam(drive.camera).process(time_s=0.0, detections=())
     with pytest.raises(SequenceError, match="no odometry"):
         Slam(drive.camera, by_odometry=True).process(time_s=0.0, detections=())
+
+
+def test_every_frame_has_a_covariance_when_it_comes_and_at_the_end(drive, told, items):
+    slam = Slam(drive.camera, **told)
+    states = [slam.process(**item) for item in items]
+    for state in states:
+        assert np.linalg.eigvalsh(state.camera_covariance).min() > 0
+    assert slam.camera_covariance() == pytest.approx(states[-1].camera_covariance, rel=0.2, abs=1e-6)
+    estimate = slam.finish().estimate
+    assert estimate.frame_ids == drive.frame_ids
+    assert np.linalg.eigvalsh(estimate.covariances).min() > 0
+    # what came later tells of the middle, too: no frame is less certain at the end than when it came
+    live = np.array([np.sqrt(np.trace(state.camera_covariance[:3, :3])) for state in states])
+    assert (estimate.position_sigmas_m < 1.1 * live).all()
+    assert estimate.position_sigmas_m[0] < estimate.position_sigmas_m[-1]
+    assert np.linalg.norm(estimate.velocity_in_world[0] - drive.initial_state.velocity_in_world) < 0.5
+
+
+def test_frames_that_show_nothing_are_extrapolated_and_say_so(drive, told, items):
+    slam = Slam(drive.camera, **told)
+    for item in items[:-4]:
+        slam.process(**item)
+    for item in items[-4:]:
+        slam.process(**(item | {"detections": ()}))
+    estimate = slam.finish().estimate
+    assert estimate.extrapolated[-4:].all()
+    assert estimate.sources[-4:] == ("imu",) * 4
+    assert estimate.sources[5] == "images"
+    assert not estimate.extrapolated[5]
+    assert (np.diff(estimate.position_sigmas_m[-4:]) > 0).all()
+
+
+def test_without_a_start_the_path_is_relative_to_its_first_camera_where_that_lays_the_world(drive, told, items):
+    slam = Slam(drive.camera, **(told | {"start": None, "config": replace(SOON, slam=SlamConfig(**QUICK))}))
+    for item in items:
+        slam.process(**item)
+    known = drive.initial_state.world_from_camera
+    own, laid = (
+        slam.finish().estimate,
+        slam.finish(world_from_first_camera=lambda first: known @ first.inverse()).estimate,
+    )
+    assert own.position_sigmas_m[0] > 0.001
+    assert laid.position_sigmas_m[0] < 1e-6
+    assert laid.rotation_sigmas_rad[0] < 1e-6
+    assert laid.position_sigmas_m[-1] > 0.001
+    assert laid.to_csv()

@@ -162,3 +162,19 @@ def test_what_hides_an_object_does_not_pull_it(camera, car, car_detection, drive
         errors.append(np.linalg.norm(found.state.world_from_object.translation - true.translation))
     assert errors[0] < 0.1
     assert errors[1] > 3 * errors[0]
+
+
+@pytest.mark.parametrize("angle_deg", [0, 15, 30, 45, 70, 120])
+def test_a_straight_border_is_found_where_it_is_however_it_is_turned(angle_deg):
+    """Half-planes whose border lies anywhere between the pixels: no direction is drawn too large or too small."""
+    rng, size = np.random.default_rng(angle_deg), 81
+    normal = np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
+    x, y = np.meshgrid(np.arange(size), np.arange(size))
+    beyond = []
+    for _ in range(20):
+        offset = normal @ [size / 2, size / 2] + rng.uniform(-1, 1)
+        mask = (normal[0] * x + normal[1] * y < offset).astype(np.uint8)
+        border = trace_border(mask, signed_distance(mask), np.zeros_like(mask), 1.0)
+        inside = np.abs(border.pixels - size / 2).max(1) < size / 2 - 6  # not the picture's own edge
+        beyond.append((border.pixels[inside] @ normal - offset).mean())
+    assert np.mean(beyond) == pytest.approx(0, abs=0.04)

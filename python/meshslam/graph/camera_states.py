@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -10,6 +10,7 @@ import numpy as np
 from gtsam.symbol_shorthand import B, V, X
 
 from meshslam.geometry import Floats, Pose
+from meshslam.graph.camera_covariance import camera_covariance
 from meshslam.graph.object_factor import CameraKeys, CameraMemo, CameraPlace
 from meshslam.graph.start_factors import OFFSET, ROTATION
 from meshslam.graph.window import Window
@@ -22,6 +23,20 @@ class FrameEstimate:
 
     state: NavState
     world_from_camera: Pose
+    camera_velocity: Floats  # (3,), in the world
+
+    @property
+    def motion(self) -> Floats:
+        """The camera's velocity, and the biases of accelerometer and gyroscope (9,)."""
+        return np.concatenate([self.camera_velocity, self.state.accelerometer_bias, self.state.gyroscope_bias])
+
+
+@dataclass(frozen=True, eq=False)
+class FrameCovariance:
+    """Covariances (6, 6) of a frame's poses: right perturbations, (translation, rotation), m and rad."""
+
+    world_from_imu: Floats
+    world_from_camera: Floats  # pose, velocity and mounting of the IMU count with their correlations
 
 
 class CameraStates:
@@ -87,7 +102,9 @@ class CameraStates:
         bias = values.atConstantBias(B(frame))
         pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
         state = NavState(self._times_s[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
-        return FrameEstimate(state, self.mounting().world_from_camera(state, self.rates_rad_s[frame]))
+        rate = self.rates_rad_s[frame]
+        swing = pose.rotation @ np.cross(rate, self.arm_m)
+        return FrameEstimate(state, self.mounting().world_from_camera(state, rate), velocity + swing)
 
     def world_from_camera(self, frame: int) -> Pose:
         """The camera of any frame that is kept: the current estimate, or the last one before the frame left."""
@@ -101,6 +118,15 @@ class CameraStates:
     def pose_covariance(self, frame: int) -> Floats:
         """Covariance (6, 6) of world_from_imu, right perturbation, (translation, rotation)."""
         return to_gtsam_covariance(self._window.covariance(X(frame)))
+
+    def covariances(self, frames: Sequence[int]) -> dict[int, FrameCovariance]:
+        """Covariances of the poses of frames that are held, as the last `optimize` linearized all factors."""
+        groups = [self.keys(frame) for frame in frames]
+        joint = self._window.joint_covariances(groups, [key for group in groups for key in group])
+        return {
+            f: FrameCovariance(to_gtsam_covariance(found[:6, :6]), camera_covariance(self.place_of(f), found))
+            for f, found in zip(frames, joint, strict=True)
+        }
 
     def place_of(self, frame: int) -> CameraPlace:
         """The camera of a frame with its derivatives over the frame's variables."""

@@ -54,7 +54,7 @@ class History:
 
 def smooth_full_trajectory(
     history: History, window: Window, joined: Sequence[Pair], iterations: int
-) -> tuple[gtsam.Values, tuple[Pair, ...]]:
+) -> tuple[Window, tuple[Pair, ...]]:
     """All variables of a run, solved over all of its factors, and which of the pairs of landmarks `joined` are one.
 
     A pair that the rest speaks against, once all are solved together, is taken back, the worst first.
@@ -64,7 +64,7 @@ def smooth_full_trajectory(
     everything.values.insert(window.values)
     for entry in [*history.entries, *window.entries]:
         if entry.origin is not None:
-            everything.add(entry.origin)
+            everything.add(entry.origin, entry.tag)
     held = list(joined)
     for pair in held:
         _join(everything, pair)
@@ -73,7 +73,7 @@ def smooth_full_trajectory(
         held.remove(worst)
         everything.drop([entry for entry in everything.entries if entry.tag == worst])
         everything.optimize(iterations)
-    return everything.values, tuple(held)
+    return everything, tuple(held)
 
 
 def _join(everything: Window, pair: Pair) -> None:

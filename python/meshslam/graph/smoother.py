@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -10,14 +10,16 @@ import numpy as np
 from gtsam.symbol_shorthand import B, O, V, X
 
 from meshslam.geometry import Floats, Pose
+from meshslam.graph.camera_covariance import path_covariances
 from meshslam.graph.camera_states import CameraStates, FrameEstimate
 from meshslam.graph.config import SmootherConfig, StartConfig
 from meshslam.graph.full_trajectory import History, Pair, smooth_full_trajectory
 from meshslam.graph.measurements import Measurements
-from meshslam.graph.object_factor import place_camera
+from meshslam.graph.object_factor import CameraPlace, place_camera
 from meshslam.graph.object_variables import ObjectVariables
 from meshslam.graph.start_factors import OFFSET, ROTATION, start_factors
-from meshslam.graph.window import Window
+from meshslam.graph.tags import DISPLACEMENT, ObservationTag, PointTag
+from meshslam.graph.window import Entry, Window
 from meshslam.motion import (
     OURS_FROM_GTSAM,
     ImuConfig,
@@ -38,6 +40,16 @@ class FullTrajectory:
     world_from_object: dict[int, Pose]  # of landmarks
     modes: dict[int, Floats]  # likewise, (modes,)
     joined: tuple[Pair, ...]  # landmarks that are one object
+    velocity_in_world: Floats  # (n, 3), of the cameras
+    biases: Floats  # (n, 6), of accelerometer and gyroscope
+    observed: tuple[bool, ...]  # whether its own image says where a frame's camera is
+    window: Window  # all variables and factors
+    places: tuple[CameraPlace, ...]  # of the cameras
+
+    def covariances(self, world_from_first_camera: Callable[[Pose], Pose] | None = None) -> Floats:
+        """Covariances (n, 6, 6) of the cameras' poses, see `path_covariances`."""
+        keys = [(X(f), V(f), ROTATION, OFFSET) for f in range(len(self.places))]
+        return path_covariances(self.window, self.places, keys, world_from_first_camera)
 
 
 class Smoother:
@@ -79,7 +91,9 @@ class Smoother:
         values, mounting = self.window.values, self._mounting
         values.insert(ROTATION, gtsam.Rot3(mounting.imu_from_camera.rotation))
         values.insert(OFFSET, np.array([mounting.time_offset_s]))
-        for factor in start_factors(self._start, self._imu, state, mounting):
+        for factor in start_factors(
+            self._start, self._imu, state, mounting, self.cameras.keys(0), self.cameras.memo(0)
+        ):
             self.window.add(factor)
 
     def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
@@ -98,7 +112,8 @@ class Smoother:
 
     def solve(self) -> None:
         """Lower the cost of the window; observations that are old enough are held as linear factors."""
-        self.window.optimize(self._lag.iterations)
+        marginals = [key for frame in {*self.leaving, self.frame} for key in self.cameras.keys(frame)]
+        self.window.optimize(self._lag.iterations, last=sorted(set(marginals)))
         oldest = self.frame - self._lag.settled_frames
         self.window.settle([e for e, tag in self.objects.observations() if tag.frame <= oldest])
 
@@ -108,6 +123,11 @@ class Smoother:
 
     def _too_old(self) -> list[int]:
         return self.cameras.older_than(self.cameras.time_s(self.frame) - self._lag.lag_s)
+
+    @property
+    def leaving(self) -> list[int]:
+        """The frames that `retire` will take out."""
+        return self._too_old()
 
     def retire(self) -> None:
         """States older than the lag, and objects that only they observed, become a linearized prior."""
@@ -127,16 +147,33 @@ class Smoother:
     def full_trajectory(self, joined: Sequence[Pair], iterations: int) -> FullTrajectory:
         """Smooth over all frames and landmarks there were, `joined` being pairs of landmarks that are one object."""
         assert self.history is not None
-        values, held = smooth_full_trajectory(self.history, self.window, joined, iterations)
+        everything, held = smooth_full_trajectory(self.history, self.window, joined, iterations)
+        values = everything.values
         turn = Pose(values.atRot3(ROTATION).matrix(), self.cameras.arm_m)
         offset = float(values.atVector(OFFSET)[0])
-        cameras = [
-            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate).pose
-            for f, rate in sorted(self.cameras.rates_rad_s.items())
+        rates = sorted(self.cameras.rates_rad_s.items())
+        places = [
+            place_camera(from_pose3(values.atPose3(X(f))), values.atVector(V(f)), turn, offset, rate)
+            for f, rate in rates
         ]
         modes = {gtsam.Symbol(k).index(): values.atVector(k) for k in sorted(values.keys()) if _is_modes(k)}
         objects = {number: from_pose3(values.atPose3(O(number))) for number in modes}
-        return FullTrajectory(tuple(cameras), objects, modes, held)
+        seen = {key for entry in everything.entries if _is_of_images(entry) for key in entry.keys}
+        return FullTrajectory(
+            tuple(place.pose for place in places),
+            objects,
+            modes,
+            held,
+            np.array([place.pose.rotation @ place.by_offset[:3, 0] for place in places]),
+            np.array([values.atConstantBias(B(f)).vector() for f, _ in rates]),
+            tuple(X(f) in seen for f, _ in rates),
+            everything,
+            tuple(places),
+        )
+
+
+def _is_of_images(entry: Entry) -> bool:
+    return isinstance(entry.tag, ObservationTag | PointTag) or entry.tag == DISPLACEMENT
 
 
 def _is_modes(key: int) -> bool:

@@ -4,37 +4,64 @@ from __future__ import annotations
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import B, E, T, V, X
+from gtsam.symbol_shorthand import B, E, T, V
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, right_jacobian_inverse
 from meshslam.graph.config import StartConfig
-from meshslam.motion import ImuConfig, Mounting, NavState, to_gtsam_covariance, to_pose3
+from meshslam.graph.object_factor import CameraKeys, CameraMemo
+from meshslam.motion import ImuConfig, Mounting, NavState, to_gtsam_columns
 
 ROTATION, OFFSET = E(0), T(0)  # of the mounting, one for all frames
 
 
-def start_covariance(start: StartConfig, world_from_imu: Pose) -> Floats:
+def start_covariance(start: StartConfig, world_from_first: Pose) -> Floats:
     """Covariance (6, 6) of the first pose, right perturbation, (translation, rotation)."""
     tilt, heading = np.radians([start.rotation_sigma_deg, start.heading_sigma_deg])
-    turn = world_from_imu.rotation
+    turn = world_from_first.rotation
     out = start.position_sigma_m**2 * np.eye(6)
     out[3:, 3:] = turn.T @ np.diag(np.square([tilt, tilt, heading])) @ turn
     return out
 
 
+def start_pose_factor(
+    start: StartConfig, world_from_camera: Pose, keys: CameraKeys, memo: CameraMemo
+) -> gtsam.CustomFactor:
+    """The first camera stands where it is said to be."""
+    given = world_from_camera
+
+    def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        place = memo.place(values, keys)
+        away = given.local(place.pose)
+        if jacobians is not None:
+            by_camera = np.zeros((6, 6))
+            by_camera[:3, :3] = given.rotation.T @ place.pose.rotation
+            by_camera[3:, 3:] = right_jacobian_inverse(away[3:])
+            jacobians[0] = to_gtsam_columns(by_camera @ place.by_imu)
+            jacobians[1] = np.asfortranarray(by_camera @ place.by_velocity)
+            jacobians[2] = np.asfortranarray(by_camera @ place.by_rotation)
+            jacobians[3] = np.asfortranarray(by_camera @ place.by_offset)
+        return away
+
+    noise = gtsam.noiseModel.Gaussian.Covariance(start_covariance(start, given))
+    return gtsam.CustomFactor(noise, list(keys), error)
+
+
 def start_factors(
-    start: StartConfig, imu: ImuConfig, state: NavState, mounting: Mounting
+    start: StartConfig, imu: ImuConfig, state: NavState, mounting: Mounting, keys: CameraKeys, memo: CameraMemo
 ) -> list[gtsam.NoiseModelFactor]:
-    """Priors of the first frame's pose, velocity and biases, and of rotation and clock of the mounting."""
+    """Priors of the first camera's pose, the IMU's velocity and biases, and rotation and clock of the mounting.
+
+    What is known at the start is the camera's pose: a prior of the IMU's would leave the camera as uncertain as the
+    mounting is. `keys` and `memo` are the first frame's.
+    """
     noise = gtsam.noiseModel
-    covariance = to_gtsam_covariance(start_covariance(start, state.world_from_imu))
     bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
     bias_sigmas = np.array([imu.accelerometer_bias_sigma_m_s2] * 3 + [imu.gyroscope_bias_sigma_rad_s] * 3)
     turn, offset = gtsam.Rot3(mounting.imu_from_camera.rotation), np.array([mounting.time_offset_s])
     turn_noise = noise.Isotropic.Sigma(3, np.radians(imu.extrinsic_rotation_sigma_deg))
     velocity_noise = noise.Isotropic.Sigma(3, start.velocity_sigma_m_s)
     return [
-        gtsam.PriorFactorPose3(X(0), to_pose3(state.world_from_imu), noise.Gaussian.Covariance(covariance)),
+        start_pose_factor(start, mounting.world_from_camera(state, np.zeros(3)), keys, memo),
         gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise),
         gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(bias_sigmas)),
         gtsam.PriorFactorRot3(ROTATION, turn, turn_noise),

@@ -13,6 +13,7 @@ import gtsam
 import numpy as np
 
 from meshslam.geometry import Floats
+from meshslam.graph.marginals import Group, covariances_at_root, joint_covariances, tie
 
 _HALVINGS = 4
 
@@ -27,12 +28,16 @@ class Entry:
     origin: gtsam.NonlinearFactor | None = None  # the factor before it was settled; None: what variables left behind
 
 
-def solved(linear: gtsam.GaussianFactorGraph) -> gtsam.VectorValues:
-    """The step of a linear graph: by Cholesky, in a fifteenth of QR's time; by QR where a pivot is lost to rounding."""
+def eliminated(linear: gtsam.GaussianFactorGraph, last: Sequence[int] = ()) -> gtsam.GaussianBayesTree:
+    """A linear graph's Bayes tree, variables of `last`, where one factor ties them, at the end of its root.
+
+    By Cholesky, in a fifteenth of QR's time; by QR where a pivot is lost to rounding.
+    """
+    ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(last))
     try:
-        return linear.optimize()
+        return linear.eliminateMultifrontal(ordering)
     except RuntimeError:  # GTSAM's IndeterminantLinearSystemException
-        return linear.optimize(gtsam.EliminateQR)
+        return linear.eliminateMultifrontal(ordering, gtsam.EliminateQR)
 
 
 def linear_factor(
@@ -74,6 +79,9 @@ class Window:
         self.values = gtsam.Values()
         self.entries: list[Entry] = []
         self.cost = 0.0
+        # the factors as `optimize` linearized them last, and as it eliminated them
+        self._linear: gtsam.GaussianFactorGraph | None = None
+        self._tree: gtsam.GaussianBayesTree | None = None
 
     def add(self, factor: gtsam.NonlinearFactor, tag: object = None) -> Entry:
         """Take in a factor."""
@@ -86,12 +94,20 @@ class Window:
         gone = {id(entry) for entry in entries}
         self.entries = [entry for entry in self.entries if id(entry) not in gone]
 
-    def optimize(self, iterations: int, tolerance: float = 1e-2) -> None:
-        """Gauss-Newton steps, halved until the true cost falls; ends when it falls by less than `tolerance`."""
+    def optimize(self, iterations: int, tolerance: float = 1e-2, last: Sequence[int] = ()) -> None:
+        """Gauss-Newton steps, halved until the true cost falls; ends when it falls by less than `tolerance`.
+
+        The joint covariances of variables of `last` cost nothing afterwards.
+        """
         graph = self._graph(self.entries)
         self.cost = graph.error(self.values)
+        tied = tie(tuple(last), {key: self._width(key) for key in last}) if last else None
         for _ in range(iterations):
-            delta = solved(graph.linearize(self.values))
+            self._linear = graph.linearize(self.values)
+            if tied is not None:
+                self._linear.push_back(tied)
+            self._tree = eliminated(self._linear, last)
+            delta = self._tree.optimize()
             before, accepted = self.cost, False
             for _ in range(_HALVINGS):
                 trial = self.values.retract(delta)
@@ -102,6 +118,18 @@ class Window:
                 delta = delta.scale(0.5)
             if not accepted or before - self.cost < tolerance:
                 break
+
+    def joint_covariances(self, groups: Sequence[Group], last: Iterable[int]) -> list[Floats]:
+        """Joint covariance of each group of variables, by the factors as `optimize` linearized them last.
+
+        See `marginals.joint_covariances`. No factor is evaluated; what came in since then does not count yet.
+        """
+        widths = {key: self._width(key) for group in groups for key in group}
+        at_root = None if self._tree is None else covariances_at_root(self._tree, groups, self._width)
+        if at_root is not None:
+            return at_root
+        linear = self.linearized() if self._linear is None else self._linear
+        return joint_covariances(linear, groups, widths, last)
 
     def covariance(self, key: int) -> Floats:
         """Covariance of a variable in GTSAM's tangent space."""
@@ -172,6 +200,10 @@ class Window:
         for entry in entries:
             graph.add(entry.factor)
         return graph
+
+    def _width(self, key: int) -> int:
+        """How many numbers a step of a variable has; 0 if it has left the window."""
+        return int(self.values.extract([key]).dim()) if self.values.exists(key) else 0
 
     def _subset(self, keys: frozenset[int]) -> gtsam.Values:
         return self.values.extract(sorted(keys))

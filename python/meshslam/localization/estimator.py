@@ -46,13 +46,23 @@ class FrameReport:
 
 
 @dataclass(frozen=True, eq=False)
+class PathEstimate:
+    """What is known of each frame beside its pose."""
+
+    covariances: Floats  # (n, 6, 6) of world_from_camera
+    velocity_in_world: Floats  # (n, 3), of the camera
+    biases: Floats  # (n, 6), of accelerometer and gyroscope
+    observed: tuple[bool, ...]  # whether its own image says where the camera is
+
+
+@dataclass(frozen=True, eq=False)
 class _Prediction:
     """A frame before its detections are looked at."""
 
     frame: int
     state: NavState
     angular_rate_rad_s: Floats  # (3,), as measured
-    covariance: Floats  # (6, 6) of world_from_imu
+    added: Floats | None  # (6, 6), what the step from the last frame adds to the covariance of world_from_imu
     has_gap: bool = False
 
 
@@ -68,6 +78,9 @@ class LocalizationEstimator:
     config: LocalizationConfig
     keep_path: bool = True  # of all frames; else of those that the lag holds
     path: dict[int, Pose] = field(default_factory=dict)  # world_from_camera by frame, as last estimated
+    covariances: dict[int, Floats] = field(default_factory=dict)  # (6, 6) of it, of the newest and those that left
+    motions: dict[int, Floats] = field(default_factory=dict)  # (9,), the camera's velocity and the biases, likewise
+    observed: set[int] = field(default_factory=set)  # frames that showed objects of the map
     moved: dict[int, int] = field(default_factory=dict)  # object to the frame at which it was found moved
 
     def __post_init__(self) -> None:
@@ -85,8 +98,7 @@ class LocalizationEstimator:
         rate = rate_at(imu, state.time_s)
         self._smoother.begin(state, rate)
         self._frame_ids = [frame]
-        covariance = start_covariance(self.estimation.start, state.world_from_imu)
-        return self._update(_Prediction(frame, state, rate, covariance), detections)
+        return self._update(_Prediction(frame, state, rate, None), detections)
 
     def process(self, frame: int, time_s: float, imu: ImuSamples, detections: tuple[Detection, ...]) -> FrameReport:
         """The next frame, `imu` holding the samples since the last one."""
@@ -97,8 +109,7 @@ class LocalizationEstimator:
         state = predict(last, interval, time_s)
         self._smoother.advance(state, interval)
         self._frame_ids.append(frame)
-        covariance = self._predicted_covariance(last, state, interval)
-        predicted = _Prediction(frame, state, interval.angular_rate_rad_s, covariance, interval.has_gap)
+        predicted = _Prediction(frame, state, interval.angular_rate_rad_s, _added(interval), interval.has_gap)
         return self._update(predicted, detections)
 
     def first_state(self) -> NavState:
@@ -116,6 +127,22 @@ class LocalizationEstimator:
         assert self._state is not None
         return self._state.velocity_in_world, self._covariance
 
+    @property
+    def camera_covariance(self) -> Floats:
+        """Covariance (6, 6) of the newest world_from_camera, right perturbation, (translation, rotation)."""
+        return self.covariances[self._frame_ids[-1]]
+
+    def estimate(self) -> PathEstimate:
+        """The state of every frame so far, as last estimated in the lag; only where the path is kept."""
+        self._take_covariances(self._smoother.frames)
+        frames = list(self.path)
+        return PathEstimate(
+            np.array([self.covariances[f] for f in frames]),
+            np.array([self.motions[f][:3] for f in frames]),
+            np.array([self.motions[f][3:] for f in frames]),
+            tuple(f in self.observed for f in frames),
+        )
+
     def paths_by_iteration(self) -> tuple[tuple[Pose, ...], ...]:
         """No paths: the smoother has no iterations that could be compared."""
         return ()
@@ -129,7 +156,8 @@ class LocalizationEstimator:
         begin_with(self._smoother, marginal)
         self._frame_ids = [-1]
         self._state = marginal.state
-        self._covariance = self._smoother.cameras.pose_covariance(0)
+        self.path[-1] = self._smoother.estimate(0).world_from_camera
+        self._take_covariances([0])
 
     def _update(self, predicted: _Prediction, detections: tuple[Detection, ...]) -> FrameReport:
         # The camera where the prediction puts it
@@ -149,6 +177,8 @@ class LocalizationEstimator:
         # Estimates; what is older than the lag becomes a prior
         self._take_estimates()
         self._smoother.retire()
+        if kept and self.keep_path:
+            self.observed.add(predicted.frame)
         ids = {k: matched[k].id for k in kept}
         gone = tuple(sorted(matched[k].id for k in refused))
         frame = predicted.frame
@@ -178,17 +208,13 @@ class LocalizationEstimator:
             mounting.time_offset_s,
             predicted.angular_rate_rad_s - predicted.state.gyroscope_bias,
         )
-        return place.pose, place.by_imu @ predicted.covariance @ place.by_imu.T
-
-    def _predicted_covariance(self, last: NavState, state: NavState, interval: Interval) -> Floats:
-        """Covariance of the predicted pose: the last one moved along, with the uncertainty of velocity and IMU."""
-        step = state.world_from_imu.inverse() @ last.world_from_imu
-        moved = step.adjoint() @ self._covariance @ step.adjoint().T
-        added = interval.measurements.preintMeasCov()[:6, :6]
-        grown = np.diag(np.square(_PROCESS_SIGMAS))
-        grown[:3, :3] += added[3:6, 3:6]
-        grown[3:, 3:] += added[:3, :3]
-        return moved + grown
+        if predicted.added is None:
+            return place.pose, start_covariance(self.estimation.start, place.pose)
+        # the camera's own covariance moves along: the IMU's holds what the mounting is uncertain by
+        last = self.path[self._frame_ids[-2]]
+        along = (place.pose.inverse() @ last).adjoint()
+        moved = along @ self.covariances[self._frame_ids[-2]] @ along.T
+        return place.pose, moved + place.by_imu @ predicted.added @ place.by_imu.T
 
     def _associated(
         self, masks: FrameMasks, world_from_camera: Pose
@@ -236,7 +262,28 @@ class LocalizationEstimator:
         """Take over the smoother's estimates of the frames that it holds."""
         if not self.keep_path:
             self.path.clear()
+            self.motions.clear()
         for index in self._smoother.frames:
-            self.path[self._frame_ids[index]] = self._smoother.estimate(index).world_from_camera
+            found, frame = self._smoother.estimate(index), self._frame_ids[index]
+            self.path[frame] = found.world_from_camera
+            self.motions[frame] = found.motion
         self._state = self._smoother.estimate(self._smoother.frame).state
-        self._covariance = self._smoother.cameras.pose_covariance(self._smoother.frame)
+        self._take_covariances([*(self._smoother.leaving if self.keep_path else []), self._smoother.frame])
+
+    def _take_covariances(self, indices: Sequence[int]) -> None:
+        """Take over covariances of frames that the smoother holds, the newest one's too."""
+        found = self._smoother.cameras.covariances(indices)
+        self._covariance = found[self._smoother.frame].world_from_imu
+        if not self.keep_path:
+            self.covariances.clear()
+        for index in indices:
+            self.covariances[self._frame_ids[index]] = found[index].world_from_camera
+
+
+def _added(interval: Interval) -> Floats:
+    """What a step adds to the covariance (6, 6) of world_from_imu: the uncertainty of velocity and IMU."""
+    added = interval.measurements.preintMeasCov()[:6, :6]
+    grown = np.diag(np.square(_PROCESS_SIGMAS))
+    grown[:3, :3] += added[3:6, 3:6]
+    grown[3:, 3:] += added[:3, :3]
+    return grown

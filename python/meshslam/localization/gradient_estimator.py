@@ -151,6 +151,9 @@ class GradientEstimator:
         """How the camera is mounted: as given."""
         return self.mounting
 
+    def estimate(self) -> None:
+        """None: a descent on losses knows no uncertainty."""
+
     def paths_by_iteration(self) -> tuple[tuple[Pose, ...], ...]:
         """The path after 0, 1, ... iterations of every frame; a frame that has converged stays."""
         most = max(len(steps) for steps in self.steps.values())

@@ -80,6 +80,7 @@ class LocalizerState:
     moved: tuple[int, ...]  # objects that were found moved so far
     has_imu_gap: bool = False
     notes: tuple[str, ...] = ()  # what of the frame's samples and detections was left out, and why
+    camera_covariance: Floats | None = None  # (6, 6) of world_from_camera, likewise
 
     @property
     def is_started(self) -> bool:
@@ -302,9 +303,10 @@ class Localizer:
     def _reported(self, frame: _Frame, report: FrameReport) -> LocalizerState:
         assert self._estimator is not None
         velocity, covariance = self._estimator.velocity_and_covariance
+        of_camera = self._estimator.camera_covariance
         seen, moved = sorted(report.object_of_detection.values()), sorted(self._estimator.moved)
         at = (frame.number, frame.time_s, report.corrected, velocity, covariance)
-        return LocalizerState(*at, tuple(seen), tuple(moved), report.has_gap)
+        return LocalizerState(*at, tuple(seen), tuple(moved), report.has_gap, camera_covariance=of_camera)
 
 
 def _check_finite(number: int, pose: Pose | None) -> None:

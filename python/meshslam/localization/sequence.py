@@ -19,11 +19,11 @@ from meshslam.initialization import (
     moved_sequence,
 )
 from meshslam.localization.config import LocalizationConfig
-from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+from meshslam.localization.estimator import FrameReport, LocalizationEstimator, PathEstimate
 from meshslam.localization.gradient_estimator import GradientEstimator
 from meshslam.localization.map_models import KnownObject, known_objects
 from meshslam.localization.relocalization import MapStart, start_in_map
-from meshslam.maps import Map
+from meshslam.maps import Map, Trajectory, TrajectoryEstimate
 from meshslam.motion import Mounting, NavState, check_imu, inertial_path, start_state
 from meshslam.perception import Detection, DetectionSet, track
 from meshslam.sequences import ImuSamples, Sequence, turns
@@ -46,6 +46,9 @@ class PathEstimator(Protocol):
     def current_mounting(self) -> Mounting:
         """How the camera is mounted."""
 
+    def estimate(self) -> PathEstimate | None:
+        """What is known of each frame beside its pose; None where the solver knows no uncertainty."""
+
     def paths_by_iteration(self) -> tuple[tuple[Pose, ...], ...]:
         """The path after 0, 1, ... iterations, where the solver has any."""
 
@@ -65,6 +68,7 @@ class Localization:
     figures: dict[str, float]
     refused: dict[int, str]  # why detections were not used, by detection
     iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # gradient solver: the path after each iteration
+    estimate: TrajectoryEstimate | None = None  # the path with its uncertainty; None by the gradient solver
 
 
 def localize_sequence(
@@ -104,8 +108,9 @@ def localize_sequence(
     ids: dict[int, int | None] = {d.id: None for d in detections.detections}
     for report in reports:
         ids.update(report.object_of_detection)
+    path = moved_path(tuple(estimator.path[frame] for frame in sequence.frame_ids), back)
     return Localization(
-        moved_path(tuple(estimator.path[frame] for frame in sequence.frame_ids), back),
+        path,
         moved_path(tuple(report.corrected for report in reports), back),
         moved_path(inertial_path(imu, sequence.times_s, start, mounting, estimation.imu), back),
         detections.with_tracks(ids),
@@ -113,6 +118,26 @@ def localize_sequence(
         _figures(estimator, reports, imu_from_camera),
         {k: reason for report in reports for k, reason in report.reasons.items()},
         tuple(moved_path(path, back) for path in estimator.paths_by_iteration()),
+        _estimate(estimator, sequence, path, back),
+    )
+
+
+def _estimate(
+    estimator: PathEstimator, sequence: Sequence, path: tuple[Pose, ...], back: Pose
+) -> TrajectoryEstimate | None:
+    """The path with its uncertainty in the map's world; a right perturbation is the same in any world."""
+    found = estimator.estimate()
+    if found is None:
+        return None
+    observed = np.array(found.observed, bool)
+    return TrajectoryEstimate(
+        Trajectory(sequence.times_s, path),
+        tuple(sequence.frame_ids),
+        found.covariances,
+        found.velocity_in_world @ back.rotation.T,
+        found.biases,
+        tuple("images" if seen else "imu" for seen in found.observed),
+        ~observed,
     )
 
 

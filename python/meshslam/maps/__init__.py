@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from meshslam.maps.ply import PlyMesh, format_ply
     from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
     from meshslam.maps.trajectory import Trajectory
+    from meshslam.maps.trajectory_estimate import TrajectoryEstimate
 else:
     __getattr__ = deferred(
         __name__,
@@ -26,6 +27,7 @@ else:
             "ply": "PlyMesh format_ply",
             "run_directory": "FRAMES INDEX RunDirectory",
             "trajectory": "Trajectory",
+            "trajectory_estimate": "TrajectoryEstimate",
         },
     )
 
@@ -38,6 +40,7 @@ __all__ = [
     "PlyMesh",
     "RunDirectory",
     "Trajectory",
+    "TrajectoryEstimate",
     "format_ply",
     "object_colour",
     "read_figures",

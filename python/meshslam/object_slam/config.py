@@ -27,7 +27,7 @@ class SlamConfig(Settings):
     motion_views: int = expert(8, low=1)  # after so many more of an object, whether it moves is asked again
     nearer: float = expert(0.7, above=0, below=1)  # an object's height over the road is taken anew from so much nearer
     surface_sigma_m: float = expert(0.05, low=0)  # twice mapping's: a car's views share what its surface is off
-    size_sigma: float = expert(1.0, above=0)  # of what a place's cars have in common against the mean, in its sigmas
+    size_sigma: float = expert(2.0, above=0)  # of what a place's cars have in common against the mean, in its sigmas
     full_trajectory_iterations: int = expert(8, low=1)
     crop_margin: float = expert(0.2, low=0)  # of a box's size, around it: a view expects an object of the graph near it
     # without a map these are seen in turns only; with larger sigmas, systematic errors of shapes move them

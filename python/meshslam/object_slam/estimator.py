@@ -34,6 +34,7 @@ class SlamReport:
 
     frame: int
     world_from_camera: Pose  # in the map
+    covariance: Floats  # (6, 6) of it, but for the last loop closure's
     objects: tuple[int, ...]  # landmarks observed in the frame
     has_gap: bool
 
@@ -107,13 +108,13 @@ class SlamEstimator:
         self._take_estimates()
         for number in added:
             self._observed(number)
+        covariance = self.camera_covariance()
         # What is older than the lag becomes a linearized prior
         self._retire()
         # Loop closure
         self._close_loops()
-        return SlamReport(
-            frame, self.odometry_frame.map_from_odometry @ self.path[frame], tuple(sorted(added)), has_gap
-        )
+        in_map = self.odometry_frame.map_from_odometry @ self.path[frame]
+        return SlamReport(frame, in_map, covariance, tuple(sorted(added)), has_gap)
 
     def first_state(self) -> NavState:
         """The current estimate of the first frame's state, while the lag still holds it."""
@@ -137,11 +138,9 @@ class SlamEstimator:
 
     def camera_covariance(self) -> Floats:
         """Covariance (6, 6) of the newest world_from_camera, right perturbation, (translation, rotation)."""
+        newest = self.smoother.frame
         with self.smoother.objects.linearizations_kept():
-            by_imu = self.smoother.cameras.pose_covariance(self.smoother.frame)
-        place = self.smoother.cameras.place_of(self.smoother.frame)
-        covariance: Floats = place.by_imu @ by_imu @ place.by_imu.T
-        return covariance
+            return self.smoother.cameras.covariances([newest])[newest].world_from_camera
 
     def landmark_covariance(self, number: int) -> Floats:
         """Covariance (6, 6) of a landmark's pose: the current one, or the last one before it left the window."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from meshslam.geometry import Floats, Pose
 from meshslam.mapping import ObjectMapping
-from meshslam.maps import Map, Trajectory
+from meshslam.maps import Map, Trajectory, TrajectoryEstimate
 from meshslam.perception import DetectionSet
 
 
@@ -27,6 +27,7 @@ class SlamState:
     loop_closures: int  # landmarks that turned out to be older ones, so far
     has_imu_gap: bool = False
     notes: tuple[str, ...] = ()  # what of the frame's samples and detections was left out, and why
+    camera_covariance: Floats | None = None  # (6, 6) of world_from_camera, but for the last loop closure's
 
     @property
     def is_started(self) -> bool:
@@ -49,6 +50,7 @@ class SlamResult:
     alone: tuple[Pose, ...] = ()  # the path without objects: by IMU or odometry; empty by images alone
     alone_by: str = ""  # its name
     iterations: tuple[tuple[Pose, ...], ...] = field(default=())  # solver gradient: the path after each iteration
+    estimate: TrajectoryEstimate | None = None  # the path with its uncertainty; None by the gradient solver
 
     @property
     def map(self) -> Map:

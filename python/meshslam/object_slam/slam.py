@@ -15,11 +15,11 @@ from meshslam.categories import Category, load_category
 from meshslam.errors import SequenceError
 from meshslam.features import ImageFeatures
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import StartConfig, unchanged, unchanged_by_errors
+from meshslam.graph import FullTrajectory, StartConfig, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
 from meshslam.mapping import MappingConfig
-from meshslam.maps import Map, MapObject, Trajectory
+from meshslam.maps import Map, MapObject, Trajectory, TrajectoryEstimate
 from meshslam.motion import ImageMotion, ImuMotion, MotionSource, Mounting, NavState, OdometryMotion
 from meshslam.object_slam.archive import (
     detection_from_plain,
@@ -329,7 +329,29 @@ class Slam:
         refinement_s = time.perf_counter() - began_s
         filtered = tuple(world @ pose for pose in self._filtered)
         figures = self._figures(estimator, {new for new, _ in full.joined})
-        return SlamResult(path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world)
+        estimate = self._estimate(full, path, world, world_from_first_camera)
+        return SlamResult(
+            path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world, estimate=estimate
+        )
+
+    def _estimate(
+        self,
+        full: FullTrajectory,
+        path: Trajectory,
+        world: Pose,
+        world_from_first_camera: Callable[[Pose], Pose] | None,
+    ) -> TrajectoryEstimate:
+        """The path with its uncertainty; relative to the first pose where that lays the world."""
+        otherwise = "odometry" if self._by_odometry else "imu" if self._moved_by_imu else "images"
+        return TrajectoryEstimate(
+            path,
+            tuple(self._started().frame_ids),
+            full.covariances(world_from_first_camera),
+            full.velocity_in_world @ world.rotation.T if self._moved_by_imu else _slopes(path),
+            full.biases if self._moved_by_imu else None,
+            tuple("images" if seen else otherwise for seen in full.observed),
+            ~np.array(full.observed, bool),
+        )
 
     def save(self, path: Path | str) -> None:
         """Write the run (.npz): it continues here, and where it is loaded, with the same results.
@@ -495,6 +517,7 @@ class Slam:
             tuple(sorted({one.get(mark.track, mark.track) for mark in shown})),
             len(estimator.joined),
             report.has_gap,
+            camera_covariance=report.covariance,
         )
 
     def _waiting_state(self) -> SlamState:
@@ -553,3 +576,10 @@ class Slam:
             "scale_by_objects": float(len(estimator.landmarks)),
             "scale_by_road_displacements": float(road),
         }
+
+
+def _slopes(path: Trajectory) -> Floats:
+    """Velocities (n, 3) of a path, by differences; 0 for one pose alone."""
+    if len(path) < 2:
+        return np.zeros((len(path), 3))
+    return np.asarray(np.gradient(path.positions_in_world, path.times_s, axis=0), float)

@@ -102,7 +102,11 @@ def trace_border(mask: Bytes, distance_px: Singles, not_own: Bytes, step_px: flo
 
 
 def _onto_border(inner: Floats, distance_px: Singles) -> Floats:
-    """Contours run through the outermost pixels of a mask: its border is half a pixel further out."""
+    """Contours run through the outermost pixels of a mask, to its border.
+
+    Along a slanted border they hold one pixel of every column, or of every row: the border is on average half a pixel
+    further out along that axis, which is 0.5 max(|n_x|, |n_y|) along the normal n.
+    """
     x, y = inner.astype(int).T
     left, top = max(0, x.min() - _BLUR_REACH_PX), max(0, y.min() - _BLUR_REACH_PX)
     near = distance_px[top : y.max() + _BLUR_REACH_PX + 1, left : x.max() + _BLUR_REACH_PX + 1]
@@ -110,8 +114,8 @@ def _onto_border(inner: Floats, distance_px: Singles) -> Floats:
     dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3) / 8
     dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3) / 8
     normal = np.stack([dx[y - top, x - left], dy[y - top, x - left]], axis=1).astype(float)
-    length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
-    moved: Floats = inner + 0.5 * normal / length
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
+    moved: Floats = inner + 0.5 * np.abs(normal).max(1, keepdims=True) * normal
     return moved
 
 

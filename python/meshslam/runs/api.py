@@ -9,7 +9,7 @@ from typing import Any
 
 from meshslam.errors import MapError, SequenceError
 from meshslam.evaluation import evaluate_run
-from meshslam.maps import Map, Trajectory
+from meshslam.maps import Map, Trajectory, TrajectoryEstimate
 from meshslam.object_slam import SlamResult
 from meshslam.perception import DetectionSet, our_names
 from meshslam.runs import stages
@@ -37,6 +37,7 @@ class LocalizeResult:
     moved: dict[int, int]  # objects that were found moved, with the frame that showed it
     figures: dict[str, float]  # named as in metrics.json
     notes: tuple[str, ...]  # what the user should know, a sentence each
+    estimate: TrajectoryEstimate | None = None  # the trajectory with its uncertainty; None by the gradient solver
 
 
 def map_drive(
@@ -108,7 +109,9 @@ def localize(
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
     figures = stages.run_figures(found.figures, len(recording), clock)
-    return LocalizeResult(path, inertial, found.detections, found.moved, figures, tuple(outlet.notes))
+    figures |= {} if found.estimate is None else found.estimate.figures
+    notes = tuple(outlet.notes)
+    return LocalizeResult(path, inertial, found.detections, found.moved, figures, notes, found.estimate)
 
 
 def slam(
@@ -140,6 +143,7 @@ def slam(
     recording, settings, outlet = _opened(drive, seen, category, config, progress)
     result = slam_recording(recording, settings, outlet, clock)
     own = stages.figures(recording, result.mapping, clock)
+    own |= {} if result.estimate is None else result.estimate.figures
     return replace(result, figures=own | result.figures, notes=tuple(outlet.notes))
 
 

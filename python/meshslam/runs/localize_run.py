@@ -62,11 +62,12 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     run.announce(*names)
     run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
     run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
+    sigmas = stages.save_estimate(result.estimate, run, outlet)
     run.save("detections.json", stages.written(recording, result.detections))
     save_refused_views(result, run, outlet)
     paths = {"initial": result.inertial, "filtered": result.filtered}
     paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
-    figures = stages.run_figures(result.figures, len(recording), clock)
+    figures = stages.run_figures(result.figures, len(recording), clock) | sigmas
     figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
     drawn = {"IMU alone": result.inertial} | true_path(recording)
     figures = save_localization_report(recording, scene, result, figures, run, drawn, clock)

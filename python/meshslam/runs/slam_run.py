@@ -63,8 +63,9 @@ def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clo
     path, height = result.trajectory, recording.height_above_ground_m
     frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
     stages.save(recording, frames, result.mapping, run)
+    sigmas = stages.save_estimate(result.estimate, run, outlet)
     save_left_out_tracks(result.mapping, run, outlet)
-    figures = stages.figures(recording, result.mapping, clock) | result.figures
+    figures = stages.figures(recording, result.mapping, clock) | result.figures | sigmas
     figures |= evaluate_run(recording.root, run.folder)
     alone = {"initial": result.alone} if result.alone else {}
     by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}

@@ -19,7 +19,7 @@ from meshslam.features import correct_rotations
 from meshslam.files import LOCK, locked, remove_leftovers
 from meshslam.geometry import Pose
 from meshslam.mapping import ObjectMapping
-from meshslam.maps import INDEX, CameraPath, Map, RunDirectory, Trajectory, read_figures, to_glb
+from meshslam.maps import INDEX, CameraPath, Map, RunDirectory, Trajectory, TrajectoryEstimate, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
@@ -110,6 +110,15 @@ def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: R
     run.save_map(mapping.map)
     saved = Map.load(run.folder), Trajectory.load(run.path("trajectory.tum"))  # as rounded on disk: the same bytes
     run.save("map.glb", to_glb(*saved))
+
+
+def save_estimate(estimate: TrajectoryEstimate | None, run: RunDirectory, outlet: Outlet) -> dict[str, float]:
+    """Write trajectory.csv, and give the figures of its uncertainty; a note where the solver knows none."""
+    if estimate is None:
+        outlet.note("trajectory.csv: not written: the solver gradient gives no uncertainty; the solver smoother does")
+        return {}
+    run.save("trajectory.csv", estimate.to_csv())
+    return estimate.figures
 
 
 def written(recording: Sequence, found: DetectionSet) -> bytes:
