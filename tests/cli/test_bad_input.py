@@ -263,7 +263,7 @@ def test_a_damaged_run_is_one_line(source, source_run, tmp_path):
 def test_links_in_a_circle_are_one_line(source, tmp_path):
     loop = tmp_path / "loop"
     loop.symlink_to("loop")
-    assert "no such folder" in error_of(meshslam("map", loop, "--out", tmp_path / "run"))
+    assert "no such folder or file" in error_of(meshslam("map", loop, "--out", tmp_path / "run"))
     assert "loop" in error_of(meshslam("map", source, "--out", loop))
     assert "loop" in error_of(meshslam("map", source, "--out", tmp_path / "run", "--detections", loop))
     assert "loop" in error_of(meshslam("simulate", loop))

@@ -108,7 +108,8 @@ def test_the_graph_takes_a_steps_sigmas_as_they_are():
     """Each of its own: along x, y, z and about x, y, z of the first camera."""
     exact = StartConfig(1e-6, 1e-5, 1e-5, 1e-6)
     sigmas, zero = np.array([0.1, 0.2, 0.3, 0.01, 0.02, 0.03]), np.zeros(3)
-    smoother = Smoother(ImuConfig(), exact, SmootherConfig(), Mounting(Pose.identity()))
+    rigid = ImuConfig(extrinsic_rotation_sigma_deg=1e-4, time_offset_sigma_s=1e-6)  # the camera is its own IMU
+    smoother = Smoother(rigid, exact, SmootherConfig(), Mounting(Pose.identity()))
     state = NavState(0.0, Pose.from_yaw(0.7, np.array([3.0, 2.0, 1.0])), zero, zero, zero)
     smoother.begin(state, zero)
     step = Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -27,5 +28,6 @@ def must_exist(path: Path, what: str, error: type[MeshslamError]) -> None:
         os.stat(path)  # noqa: PTH116 # a name that no file can have is a ValueError
     except (FileNotFoundError, NotADirectoryError, ValueError):
         raise error(f"{path}: no such {what}") from None
-    except OSError:
-        return
+    except OSError as trouble:
+        if trouble.errno == errno.ELOOP:  # links in a circle lead nowhere
+            raise error(f"{path}: no such {what}") from None
