@@ -1,6 +1,5 @@
 """Wrong uses of videos, nuScenes and COLMAP: cut, mixed up and half-empty files: one line each, of what to do."""
 
-import importlib.util
 import json
 import struct
 import subprocess
@@ -295,7 +294,6 @@ for i, row in enumerate(poses):
 """
 
 
-@pytest.mark.skipif(importlib.util.find_spec("pycolmap") is None, reason="pycolmap is not installed")
 @pytest.mark.parametrize("kind", ["binary", "text"])
 def test_a_model_of_pycolmap_is_read(tmp_path, rng, kind):
     """In a process of its own: its libraries and OpenCV's do not go together."""
