@@ -97,6 +97,14 @@ def test_the_digits_do_not_hold_rounding(rng):
     assert np.array_equal(writable(apart), writable(covariance))
 
 
+def test_variances_of_less_than_a_poses_last_digit_are_none(rng):
+    root = rng.normal(size=(6, 6)) * np.array([1e-10, 1e-10, 1e-10, 1e-3, 1e-3, 1e-3])[:, None]
+    found = writable(root @ root.T)
+    assert (found[:3] == 0).all()
+    assert (found[:, :3] == 0).all()
+    assert found[3:, 3:] == pytest.approx((root @ root.T)[3:, 3:], rel=1e-4)
+
+
 def test_it_comes_back_as_it_was_saved(estimate, tmp_path):
     estimate.save(tmp_path / "trajectory.csv")
     found = TrajectoryEstimate.load(tmp_path / "trajectory.csv")

@@ -20,7 +20,7 @@ _COVARIANCE = tuple(f"c{i}{j}" for i, j in _UPPER)
 _VELOCITY = ("vx", "vy", "vz")
 _BIASES = ("bax", "bay", "baz", "bgx", "bgy", "bgz")
 _LAST = ("source", "extrapolated", "position_sigma_m", "rotation_sigma_deg")
-_NO_VARIANCE = 1e-24  # m^2, rad^2: nothing is known better
+_NO_VARIANCE = 1e-18  # m^2, rad^2: of less than the last digit of a pose, which is rounding
 _CORRELATION_DECIMALS = 7
 _LEAST_SHARE = 2e-6  # least eigenvalue of a correlation matrix: what rounding and the digits written can move it by
 
