@@ -316,3 +316,16 @@ def test_a_camera_number_is_refused(folder):
 
     with pytest.raises(SequenceError, match="has one camera"):
         open_sequence(folder, camera_number=2)
+
+
+def test_imu_and_mounting_come_back_to_the_last_bit(tmp_path, rng):
+    """Else a copied recording gives another trajectory than the one that it was copied from."""
+    imu = ImuSamples(1.7e9 + np.arange(200) / 300, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)))
+    mounted = random_pose(rng)
+    write_sequence_folder(tmp_path / "s", CAMERA, imu.times_s[10:14], imu=imu, imu_from_camera=mounted)
+    (tmp_path / "s" / "detections.json").write_text('{"images": [], "annotations": [], "categories": []}')
+    found = open_sequence(tmp_path / "s")
+    np.testing.assert_array_equal(found.imu.times_s, imu.times_s)
+    np.testing.assert_array_equal(found.imu.angular_rate_rad_s, imu.angular_rate_rad_s)
+    np.testing.assert_array_equal(found.imu.specific_force_m_s2, imu.specific_force_m_s2)
+    np.testing.assert_array_equal(found.imu_from_camera.matrix, mounted.matrix)
