@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from meshslam.categories import load_category
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose, exp_so3
 from meshslam.graph import StartConfig
@@ -11,6 +12,9 @@ from meshslam.initialization.box_start import standing_rate
 from meshslam.initialization.config import UnknownStartConfig
 from meshslam.initialization.world_alignment import level_from_world, world_from_levelled
 from meshslam.motion import NavState
+from meshslam.object_slam import SlamConfig, slam_sequence
+from meshslam.object_slam.estimator import SlamEstimator
+from meshslam.runs import Config
 from meshslam.sequences import ImuSamples
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, errors_m, localized, slammed
 
@@ -36,6 +40,23 @@ def test_slam_finds_speed_and_gravity(freely, street):
     ups = [p.rotation.T @ [0.0, 0.0, 1.0] for p in (freely.trajectory.world_from_camera[0], truth[0])]
     assert np.degrees(np.arccos(ups[0] @ ups[1])) < 1.5
     assert np.allclose(freely.trajectory.world_from_camera[0].translation, 0, atol=0.1)
+
+
+def test_slam_goes_on_with_the_run_that_settled(unaware, seen, monkeypatch):
+    """No frame is estimated again once the start stays where it is."""
+    begun, told = [], []
+
+    def counted(self, *given):
+        begun.append(given[0])
+        return begin(self, *given)
+
+    begin = SlamEstimator.begin
+    monkeypatch.setattr(SlamEstimator, "begin", counted)
+    settings = Config(slam=SlamConfig(min_baseline_m=2.0))
+    slam_sequence(unaware, seen, load_category("car"), settings, lambda *said: told.append(said))
+    rounds = max(done for step, done, _ in told if step == "start")
+    assert 1 < rounds < 4
+    assert len(begun) == rounds
 
 
 @pytest.mark.parametrize("ids", [True, False])

@@ -33,7 +33,6 @@ def point_factor(
     frames = range(block.first, block.last + 1)
     keys = [keys_of[f][0] for f in frames] + list(keys_of[block.first][2:])
     rows = 6 * len(frames) + 1
-
     points = TrackedPoints(camera, block.tracks, config.sigma_px, config.kernel)
 
     def error(_this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
