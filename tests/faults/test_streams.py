@@ -288,7 +288,7 @@ def test_disturbed_streams_go_on_as_undisturbed_ones(make, items, right):
 
 
 def test_a_checkpoint_costs_little(begun):
-    began = time.perf_counter()
+    began_s = time.process_time()
     for _ in range(20):
         Checkpoint(begun)
-    assert (time.perf_counter() - began) / 20 < 0.02
+    assert (time.process_time() - began_s) / 20 < 0.02
