@@ -1,7 +1,6 @@
 import json
 import re
 import resource
-import time
 from importlib.metadata import version as installed_version
 
 import pytest
