@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from meshslam.live import LiveSlam
     from meshslam.localization import Localizer
     from meshslam.maps import Map, Trajectory, TrajectoryEstimate
     from meshslam.object_slam import Slam
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Config",
+    "LiveSlam",
     "Localizer",
     "Map",
     "Slam",
@@ -40,6 +42,7 @@ __all__ = [
 
 _ROOM_OF = {
     "Config": "runs",
+    "LiveSlam": "live",
     "Localizer": "localization",
     "Map": "maps",
     "Slam": "object_slam",

@@ -45,6 +45,14 @@ def slam(
     solver: Annotated[
         str | None, typer.Option(help="smoother, or gradient: the paper's joint problem, by gradient descent.")
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Replay the recording by its clock, so that every frame has its pose in time, as on a robot; --rate 2 "
+            "is then twice as fast.",
+        ),
+    ] = False,
     config: ConfigFile = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
@@ -56,14 +64,20 @@ def slam(
     Exit code 3: no object was mapped; left_out.json and a note say why.
 
     Example: meshslam slam drive --out run
+
+    Live: meshslam slam drive --segmenter yolov5n-seg.onnx --live --out run
     """
     check_inputs(config, sequence)
     from meshslam.cli.figures import end_without, show_figures
     from meshslam.cli.progress import run_outlet
     from meshslam.runs import Clock, overlaid, read_config, run_slam
 
+    settings = read_config(config, "slam")
+    if live or settings.live.enabled:  # a folder's rate is then given by the configuration only
+        rate = recording.pop("rate_hz", settings.live.rate)
+        settings = overlaid(settings, {"live": {"enabled": True, "rate": rate}}, "--live --rate")
     settings = with_input(
-        read_config(config, "slam"),
+        settings,
         sequence=sequence,
         **recording,
         segmenter=segmenter,

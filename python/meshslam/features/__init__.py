@@ -6,7 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.features.camera_rotations import RotationConfig, correct_rotations
-    from meshslam.features.image_features import FrameImage, ImageFeatures
+    from meshslam.features.image_features import FeatureTracker, FrameFeatures, FrameImage, ImageFeatures
     from meshslam.features.point_tracks import PointConfig, PointTracks
     from meshslam.features.road_displacement import RoadConfig, road_displacement_m, road_normal
     from meshslam.features.two_view_motion import two_views
@@ -15,7 +15,7 @@ else:
         __name__,
         {
             "camera_rotations": "RotationConfig correct_rotations",
-            "image_features": "FrameImage ImageFeatures",
+            "image_features": "FeatureTracker FrameFeatures FrameImage ImageFeatures",
             "point_tracks": "PointConfig PointTracks",
             "road_displacement": "RoadConfig road_displacement_m road_normal",
             "two_view_motion": "two_views",
@@ -23,6 +23,8 @@ else:
     )
 
 __all__ = [
+    "FeatureTracker",
+    "FrameFeatures",
     "FrameImage",
     "ImageFeatures",
     "PointConfig",

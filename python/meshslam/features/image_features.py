@@ -26,24 +26,48 @@ class FrameImage:
     free: Bytes
 
 
-class ImageFeatures:
-    """Takes images in the order of their frames, which are counted from 0; each is looked at once."""
+@dataclass(frozen=True, eq=False)
+class FrameFeatures:
+    """What one frame's image measures."""
 
-    def __init__(self, config: PointConfig) -> None:
-        self._trackers = [PointTracker(config, row) for row in range(config.rows)]
+    index: int  # of the frame
+    image: FrameImage
+    point_tracks: tuple[PointTracks, ...]
+
+
+class FeatureTracker:
+    """Looks at images in the order of their frames, which are counted from `first`."""
+
+    def __init__(self, config: PointConfig, first: int = 0) -> None:
+        self.trackers = [PointTracker(config, row, first) for row in range(config.rows)]
+        self.next = first
         self._config = config
-        self._tracks: dict[int, tuple[PointTracks, ...]] = {}
-        self._images: dict[int, FrameImage] = {}
-        self._next = 0
 
-    def take(self, image_bgr: Bytes, detections: Sequence[Detection]) -> None:
-        """The next frame's image (h, w, 3)."""
+    def measure(self, image_bgr: Bytes, detections: Sequence[Detection]) -> FrameFeatures:
+        """The features of the next frame's image (h, w, 3), outside of the detections."""
         free = free_mask(image_bgr.shape, detections, self._config)
         plain = cv2.GaussianBlur(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), (0, 0), _BLUR_PX)
         even = grey(image_bgr)
-        self._images[self._next] = FrameImage(np.asarray(plain, np.uint8), free)
-        self._tracks[self._next] = tuple(tracker.step(even, free) for tracker in self._trackers)
-        self._next += 1
+        image, tracks = FrameImage(np.asarray(plain, np.uint8), free), tuple(t.step(even, free) for t in self.trackers)
+        self.next += 1
+        return FrameFeatures(self.next - 1, image, tracks)
+
+
+class ImageFeatures:
+    """Holds what images measure, frame by frame; frames are counted from 0, and each is looked at once."""
+
+    def __init__(self, config: PointConfig) -> None:
+        self._tracker = FeatureTracker(config)
+        self._tracks: dict[int, tuple[PointTracks, ...]] = {}
+        self._images: dict[int, FrameImage] = {}
+
+    def take(self, image_bgr: Bytes, detections: Sequence[Detection]) -> None:
+        """The next frame's image (h, w, 3)."""
+        self.put(self._tracker.measure(image_bgr, detections))
+
+    def put(self, found: FrameFeatures) -> None:
+        """What a tracker elsewhere has measured of a frame."""
+        self._images[found.index], self._tracks[found.index] = found.image, found.point_tracks
 
     def point_tracks(self, index: int) -> tuple[PointTracks, ...]:
         """Point tracks up to a frame: those that are open, and those that have just ended."""
@@ -64,20 +88,23 @@ class ImageFeatures:
 
     def to_arrays(self) -> dict[str, Any]:
         """All that is held, as plain arrays; images as PNG."""
-        arrays: dict[str, Any] = {"next": np.array(self._next), "images": np.array(list(self._images), np.int64)}
+        arrays: dict[str, Any] = {
+            "next": np.array(self._tracker.next),
+            "images": np.array(list(self._images), np.int64),
+        }
         for index, frame in self._images.items():
             arrays[f"image_{index}"] = _png(frame.image)
             arrays[f"free_{index}"] = _png(frame.free)
-        for tracker in self._trackers:
+        for tracker in self._tracker.trackers:
             arrays |= {f"tracker_{tracker.row}_{k}": v for k, v in tracker.to_arrays().items()}
         return arrays
 
     def fill(self, arrays: Mapping[str, Any]) -> None:
         """The reverse of `to_arrays`."""
-        self._next = int(arrays["next"])
+        self._tracker.next = int(arrays["next"])
         for index in arrays["images"].tolist():
             self._images[index] = FrameImage(_image(arrays[f"image_{index}"]), _image(arrays[f"free_{index}"]))
-        for tracker in self._trackers:
+        for tracker in self._tracker.trackers:
             prefix = f"tracker_{tracker.row}_"
             tracker.fill({k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)})
 

@@ -55,11 +55,15 @@ class PointTracker:
 
     config: PointConfig
     row: int = 0
+    begins: int = 0  # index of the first frame
     _image: Bytes | None = None
-    _index: int = -1
-    _first: int = 0
+    _index: int = field(init=False)
+    _first: int = field(init=False)
     _pixels: Floats = field(default_factory=lambda: np.zeros((0, 1, 2)))  # of the corners that are still followed
     _ended: list[Floats] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._index, self._first = self.begins - 1, self.begins
 
     def step(self, image: Bytes, free: Bytes) -> PointTracks:
         """Take the next frame's image (h, w), evened out as by `grey`, and the mask of what is static."""
@@ -69,10 +73,11 @@ class PointTracker:
             self._follow(self._image, image, free)
         self._image = image
         tracks = tuple(t for t in (*self._ended, self._pixels) if len(t) and t.shape[1] >= config.min_frames)
-        early = self._first == 0 and self._index == config.steps * self.row // config.rows > 0
+        stagger = config.steps * self.row // config.rows
+        early = self._first == self.begins and self._index - self.begins == stagger > 0
         closed = early or self._index - self._first >= config.steps
         block = PointTracks(self.row, self._first, tracks, closed, self._pixels[:, -2:])
-        if closed or self._index == 0:
+        if closed or self._index == self.begins:
             self._first, self._ended = self._index, []
             self._pixels = _new_corners(image, free, config.corners)[:, None]
         return block

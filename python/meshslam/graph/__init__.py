@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
+    from meshslam.graph.camera_prediction import CameraPrediction, PredictedCamera
     from meshslam.graph.checkpoint import Checkpoint, unchanged, unchanged_by_errors
     from meshslam.graph.config import SmootherConfig, StartConfig
     from meshslam.graph.full_trajectory import Pair
@@ -19,6 +20,7 @@ else:
     __getattr__ = deferred(
         __name__,
         {
+            "camera_prediction": "CameraPrediction PredictedCamera",
             "checkpoint": "Checkpoint unchanged unchanged_by_errors",
             "config": "SmootherConfig StartConfig",
             "full_trajectory": "Pair",
@@ -34,11 +36,13 @@ else:
 
 __all__ = [
     "Arrays",
+    "CameraPrediction",
     "Checkpoint",
     "Entry",
     "FullTrajectory",
     "ObservationCost",
     "Pair",
+    "PredictedCamera",
     "Smoother",
     "SmootherConfig",
     "StartConfig",

@@ -11,6 +11,7 @@ from gtsam.symbol_shorthand import B, V, X
 
 from meshslam.geometry import Floats, Pose
 from meshslam.graph.camera_covariance import camera_covariance
+from meshslam.graph.camera_prediction import CameraPrediction
 from meshslam.graph.object_factor import CameraKeys, CameraMemo, CameraPlace
 from meshslam.graph.start_factors import OFFSET, ROTATION
 from meshslam.graph.window import Window
@@ -127,6 +128,12 @@ class CameraStates:
             f: FrameCovariance(to_gtsam_covariance(found[:6, :6]), camera_covariance(self.place_of(f), found))
             for f, found in zip(frames, joint, strict=True)
         }
+
+    def prediction(self) -> CameraPrediction:
+        """The newest frame as the next cameras are predicted from it, as the last `optimize` linearized all factors."""
+        keys = self.keys(self.newest)
+        (joint,) = self._window.joint_covariances([keys], keys)
+        return CameraPrediction(self.estimate(self.newest).state, self.mounting(), joint)
 
     def place_of(self, frame: int) -> CameraPlace:
         """The camera of a frame with its derivatives over the frame's variables."""

@@ -6,6 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
+    from meshslam.localization.arrivals import checked_samples
     from meshslam.localization.config import AssociationConfig, GateConfig, LocalizationConfig
     from meshslam.localization.data_association import FrameMasks
     from meshslam.localization.estimator import FrameReport, LocalizationEstimator
@@ -19,6 +20,7 @@ else:
         __name__,
         {
             "archive": "archive_errors read_archive under write_archive",
+            "arrivals": "checked_samples",
             "config": "AssociationConfig GateConfig LocalizationConfig",
             "data_association": "FrameMasks",
             "estimator": "FrameReport LocalizationEstimator",
@@ -45,6 +47,7 @@ __all__ = [
     "Stream",
     "archive_errors",
     "camera_loss",
+    "checked_samples",
     "descend",
     "descend_camera",
     "known_objects",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +86,12 @@ class TrajectoryEstimate:
             "position_sigma_mean_m": float(np.round(self.position_sigmas_m.mean(), 6)),
             "rotation_sigma_mean_deg": float(np.round(np.degrees(self.rotation_sigmas_rad).mean(), 6)),
         }
+
+    def moved(self, world_from_given: Pose) -> TrajectoryEstimate:
+        """The same in another world, which is exactly known: covariances and biases are along own axes, and stay."""
+        poses = tuple(world_from_given @ pose for pose in self.trajectory.world_from_camera)
+        velocity = self.velocity_in_world @ world_from_given.rotation.T
+        return replace(self, trajectory=Trajectory(self.trajectory.times_s, poses), velocity_in_world=velocity)
 
     def to_csv(self) -> bytes:
         """Format as trajectory.csv (docs/trajectory.md); MapError if a number is not finite."""

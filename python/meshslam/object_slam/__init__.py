@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from meshslam.object_slam.landmarks import joined_tracks
     from meshslam.object_slam.loop_closure import LoopClosureConfig
     from meshslam.object_slam.result import SlamResult, SlamState
-    from meshslam.object_slam.sequence import slam_sequence
-    from meshslam.object_slam.slam import Slam, SlamSettings
+    from meshslam.object_slam.sequence import path_alone, slam_sequence, world_of
+    from meshslam.object_slam.slam import Slam, SlamSettings, default_slam_settings
+    from meshslam.object_slam.start import StreamFrame
 else:
     __getattr__ = deferred(
         __name__,
@@ -23,8 +24,9 @@ else:
             "landmarks": "joined_tracks",
             "loop_closure": "LoopClosureConfig",
             "result": "SlamResult SlamState",
-            "sequence": "slam_sequence",
-            "slam": "Slam SlamSettings",
+            "sequence": "path_alone slam_sequence world_of",
+            "slam": "Slam SlamSettings default_slam_settings",
+            "start": "StreamFrame",
         },
     )
 
@@ -36,7 +38,11 @@ __all__ = [
     "SlamResult",
     "SlamSettings",
     "SlamState",
+    "StreamFrame",
+    "default_slam_settings",
     "joined_tracks",
     "joint_descent",
+    "path_alone",
     "slam_sequence",
+    "world_of",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshslam.features import ImageFeatures
 from meshslam.geometry import Floats, Pose
-from meshslam.graph import Entry, FullTrajectory, ObservationCost, Pair, Smoother
+from meshslam.graph import CameraPrediction, Entry, FullTrajectory, ObservationCost, Pair, Smoother
 from meshslam.motion import ImuMotion, MotionSource, NavState
 from meshslam.object_slam.landmarks import (
     Landmark,
@@ -43,6 +43,7 @@ class SlamReport:
 class _Added:
     """An observation of this frame that became a factor."""
 
+    landmark: int
     entry: Entry
     cost: ObservationCost
     index: int  # of the frame
@@ -74,6 +75,8 @@ class SlamEstimator:
         self.in_view: dict[int, int] = {}  # by track, its landmark in the window
         self.moving: set[int] = set()  # tracks
         self.joined: list[Pair] = []  # landmarks that are one object, (newer, older)
+        self.looked_at = -1  # the newest frame whose detections were taken in
+        self.prediction: CameraPrediction | None = None  # from the newest frame on; None before there is one
 
     def begin(self, frame: int, state: NavState, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
         """The first frame, whose state is known: it sets the world."""
@@ -81,8 +84,18 @@ class SlamEstimator:
         self.state = state
         return self._update(frame, state.time_s, detections, has_gap=False)
 
-    def process(self, frame: int, time_s: float, imu: ImuSamples, detections: Sequence[Detection]) -> SlamReport:
-        """The next frame, `imu` holding the samples since the last one."""
+    def process(
+        self,
+        frame: int,
+        time_s: float,
+        imu: ImuSamples,
+        detections: Sequence[Detection] | None,
+        late: Mapping[int, Sequence[Detection]] | None = None,
+    ) -> SlamReport:
+        """The next frame, `imu` holding the samples since the last one.
+
+        `detections` are None where nobody has looked at its image yet; `late` are those of earlier frames, by number.
+        """
         # Prediction by IMU, odometry or images
         predicted, tie = self.motion.between(imu, self.state, time_s, self.smoother.frame + 1)
         self.smoother.advance(predicted, tie)
@@ -90,12 +103,34 @@ class SlamEstimator:
         if self.image_features is not None and self.setup.slam.points.enabled:
             for tracks in self.image_features.point_tracks(self.smoother.frame):
                 self.smoother.measurements.add_point_tracks(tracks, self.setup.camera, self.setup.slam.points)
-        return self._update(frame, time_s, detections, has_gap=tie.has_gap)
+        return self._update(frame, time_s, detections, has_gap=tie.has_gap, late=late)
 
-    def _update(self, frame: int, time_s: float, detections: Sequence[Detection], *, has_gap: bool) -> SlamReport:
+    def observe(self, late: Mapping[int, Sequence[Detection]]) -> None:
+        """Detections of frames that are there already, by number, without a new frame."""
+        added = self._associate(late, None)
+        self.smoother.solve()
+        self._gate(added)
+        self._initialize_objects()
+        self._take_estimates()
+        for number in {factor.landmark for factor in added}:
+            self._observed(number)
+
+    def holds(self, frame: int) -> bool:
+        """Whether the window holds a frame, by its number."""
+        return any(self.frame_ids[index] == frame for index in self.smoother.frames)
+
+    def _update(
+        self,
+        frame: int,
+        time_s: float,
+        detections: Sequence[Detection] | None,
+        *,
+        has_gap: bool,
+        late: Mapping[int, Sequence[Detection]] | None = None,
+    ) -> SlamReport:
         self._append(frame, time_s)
         # Data association by tracks: observations of landmarks become factors, the others wait
-        added = self._associate(detections)
+        added = self._associate(late or {}, detections)
         self.smoother.solve()
         # Gate: observations that do not fit where all factors agree
         self._gate(added)
@@ -106,15 +141,17 @@ class SlamEstimator:
             self.road.step(self.smoother, self.image_features)
         # Estimates, wheels on the road, motion test
         self._take_estimates()
-        for number in added:
+        observed = sorted({factor.landmark for factor in added})
+        for number in observed:
             self._observed(number)
         covariance = self.camera_covariance()
+        self.prediction = self.smoother.cameras.prediction()
         # What is older than the lag becomes a linearized prior
         self._retire()
         # Loop closure
         self._close_loops()
         in_map = self.odometry_frame.map_from_odometry @ self.path[frame]
-        return SlamReport(frame, in_map, covariance, tuple(sorted(added)), has_gap)
+        return SlamReport(frame, in_map, covariance, tuple(observed), has_gap)
 
     def first_state(self) -> NavState:
         """The current estimate of the first frame's state, while the lag still holds it."""
@@ -162,17 +199,28 @@ class SlamEstimator:
         self.times_s.append(time_s)
         self.path[frame] = self.smoother.estimate(self.smoother.frame).world_from_camera
 
-    def _associate(self, detections: Sequence[Detection]) -> dict[int, _Added]:
-        """Factors of this frame by landmark."""
-        added: dict[int, _Added] = {}
-        for observation in self.observations.of_frame(self.smoother.frame, detections):
+    def _associate(
+        self, late: Mapping[int, Sequence[Detection]], detections: Sequence[Detection] | None
+    ) -> list[_Added]:
+        """Factors of the frames that were looked at; frames that have left the window are passed over."""
+        index_of = {self.frame_ids[index]: index for index in self.smoother.frames}
+        seen = {index_of[frame]: found for frame, found in late.items() if frame in index_of}
+        if detections is not None:
+            seen[self.smoother.frame] = detections
+        self.looked_at = max([self.looked_at, *seen])
+        return [factor for index in sorted(seen) for factor in self._associate_frame(index, seen[index])]
+
+    def _associate_frame(self, index: int, detections: Sequence[Detection]) -> list[_Added]:
+        """Factors of one frame's landmarks; what is no landmark waits to become one."""
+        added: list[_Added] = []
+        for observation in self.observations.of_frame(index, detections):
             track = observation.detection.track_id
             assert track is not None
             number = self.in_view.get(track)
             if number is not None:
                 cost = self._cost(observation, self.smoother.objects.state(number)[0])
                 entry = self.smoother.objects.observe_landmark(cost, number, observation.index)
-                added[number] = _Added(entry, cost, observation.index)
+                added.append(_Added(number, entry, cost, observation.index))
             elif track not in self.moving:
                 self.candidates.setdefault(track, Candidate()).observations.append(observation)
         return added
@@ -190,11 +238,11 @@ class SlamEstimator:
         view = view.with_keypoint_sigma(setup.objects.noise.keypoint_position_sigma_m * metre_px)
         return ObservationCost(setup.model, view, setup.noise, setup.camera.fx)
 
-    def _gate(self, added: Mapping[int, _Added]) -> None:
-        """Drop this frame's observations that fit badly."""
+    def _gate(self, added: Sequence[_Added]) -> None:
+        """Drop new observations that fit badly."""
         bad = []
-        for number, factor in added.items():
-            pose, z = self.smoother.objects.state(number)
+        for factor in added:
+            pose, z = self.smoother.objects.state(factor.landmark)
             camera = self.smoother.estimate(factor.index).world_from_camera
             if factor.cost.cost_share(camera.inverse() @ pose, z) > self.setup.slam.max_cost:
                 bad.append(factor.entry)
@@ -214,7 +262,7 @@ class SlamEstimator:
         seen = candidate.observations
         if len(seen) < max(config.start_views, candidate.next_try):
             return False
-        if seen[-1].index != self.smoother.frame or max(o.detection.bbox[2] for o in seen) < config.min_box_px:
+        if seen[-1].index < self.looked_at or max(o.detection.bbox[2] for o in seen) < config.min_box_px:
             return False
         first, last = (self.path[self.frame_ids[o.index]].translation for o in (seen[0], seen[-1]))
         return float(np.linalg.norm(last - first)) >= config.min_baseline_m

@@ -55,8 +55,10 @@ def _by_smoother(
     for done, _ in enumerate(_fed(slam, sequence, detections, settings, progress), 1):
         if progress is not None:
             progress("slam", done, len(sequence))
-    result = slam.finish(detections, partial(_world, sequence, settings), fixed_tracks=fixed_tracks, progress=progress)
-    alone, name = _path_alone(sequence, settings, slam.first_state, result.world_from_graph)
+    result = slam.finish(
+        detections, partial(world_of, sequence, settings), fixed_tracks=fixed_tracks, progress=progress
+    )
+    alone, name = path_alone(sequence, settings, slam.first_state, result.world_from_graph)
     return replace(result, alone=alone, alone_by=name)
 
 
@@ -76,7 +78,7 @@ def _by_gradient(
         )
     slam = _stream(sequence, detections, category, settings)
     next(state for state in _fed(slam, sequence, detections, settings, progress) if state.is_started)
-    first, name = _path_alone(sequence, settings, slam.first_state, Pose.identity())
+    first, name = path_alone(sequence, settings, slam.first_state, Pose.identity())
     objects = replace(settings.objects, solver="gradient")
 
     def mapped(path: Path, found: DetectionSet) -> ObjectMapping:
@@ -89,7 +91,7 @@ def _by_gradient(
     if len(along.map):
         weight, count = settings.slam.gradient_keypoint_weight, settings.slam.gradient_iterations
         paths = joint_descent(sequence, along.detections, first, along.map, weight, count, progress)
-    world = _world(sequence, settings, paths[-1][0])
+    world = world_of(sequence, settings, paths[-1][0])
     moved = tuple(moved_path(path, world) for path in paths)
     began_s = time.perf_counter()
     mapping = mapped(moved[-1], along.detections)
@@ -153,13 +155,13 @@ def _fed(
         yield slam.process_tracked(frame, image=image, imu=imu, odometry=odometry, progress=progress)
 
 
-def _world(sequence: Sequence, settings: SlamSettings, first_camera: Pose) -> Pose:
+def world_of(sequence: Sequence, settings: SlamSettings, first_camera: Pose) -> Pose:
     """The recording's world from the one of the run, whose first pose is given."""
     known_start = sequence.initial_state is not None or settings.slam.poses == "odometry"
     return Pose.identity() if known_start else world_from_levelled(sequence, first_camera)
 
 
-def _path_alone(sequence: Sequence, settings: SlamSettings, start: NavState, world: Pose) -> tuple[Path, str]:
+def path_alone(sequence: Sequence, settings: SlamSettings, start: NavState, world: Pose) -> tuple[Path, str]:
     """The path without objects in the recording's world, and its name; none by images alone."""
     if settings.slam.poses == "odometry":
         return sequence.world_from_camera or (), "odometry alone"

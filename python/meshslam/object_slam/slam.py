@@ -13,9 +13,9 @@ import numpy as np
 
 from meshslam.categories import Category, load_category
 from meshslam.errors import SequenceError
-from meshslam.features import ImageFeatures
+from meshslam.features import FrameFeatures, ImageFeatures
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import FullTrajectory, StartConfig, unchanged, unchanged_by_errors
+from meshslam.graph import CameraPrediction, FullTrajectory, StartConfig, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
 from meshslam.mapping import MappingConfig
@@ -98,6 +98,11 @@ class _DefaultSettings:
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
 
 
+def default_slam_settings() -> SlamSettings:
+    """All settings at their defaults."""
+    return _DefaultSettings()
+
+
 class Slam:
     """The camera among objects that are not known before, frame by frame.
 
@@ -145,7 +150,7 @@ class Slam:
         `height_above_ground_m` of the camera, where it is known, is a measure of length. `source` is what messages call
         the stream.
         """
-        settings = config or _DefaultSettings()
+        settings = config or default_slam_settings()
         known = load_category(category) if isinstance(category, str) else category
         slam, moved_by_imu = settings.slam, imu_from_camera is not None and not by_odometry
         if not moved_by_imu:  # the camera is its own IMU
@@ -233,21 +238,75 @@ class Slam:
             self._stream.take(frame.number, frame.time_s, imu, needs_imu=self._moved_by_imu, is_live=False)
             return self._taken(frame, image, odometry, progress)
 
+    def process_live(
+        self,
+        frame: StreamFrame,
+        imu: ImuSamples,
+        features: FrameFeatures | None,
+        late: Mapping[int, tuple[Detection, ...]],
+    ) -> SlamState:
+        """As `process`, with features and detections that were found elsewhere, meanwhile.
+
+        `features` are those of the frame's image, None in a stream without images; `late` are detections of earlier
+        frames, on tracks, by number.
+        """
+        with unchanged_by_errors(self, f"{self._source}: frame {frame.number}"):
+            self._stream.take(frame.number, frame.time_s, imu, needs_imu=self._moved_by_imu)
+            if features is not None:
+                self._features().put(features)
+            self._see_late(late)
+            return self._taken(frame, None, None, None, late)
+
+    def observe_late(self, late: Mapping[int, tuple[Detection, ...]]) -> None:
+        """Take in detections of frames that were processed, by number; those that have left the window are kept only.
+
+        As `process_live` takes them, without a new frame.
+        """
+        with unchanged_by_errors(self, f"{self._source}: detections of frames {', '.join(map(str, late))}"):
+            self._see_late(late)
+            if self._estimator is not None:
+                self._estimator.observe(late)
+
+    def holds(self, frame: int) -> bool:
+        """Whether detections of a frame still count for its pose."""
+        waits = any(one.number == frame for one in self._waiting)
+        return waits or (self._estimator is not None and self._estimator.holds(frame))
+
+    @property
+    def next_index(self) -> int:
+        """How many frames were taken in: the index of the next one."""
+        return len(self._waiting) if self._estimator is None else len(self._estimator.frame_ids)
+
+    @property
+    def prediction(self) -> tuple[CameraPrediction, Pose] | None:
+        """What the next cameras are predicted from, and map_from_odometry; None before SLAM has started."""
+        if self._estimator is None or self._estimator.prediction is None:
+            return None
+        return self._estimator.prediction, self._estimator.odometry_frame.map_from_odometry
+
+    def _see_late(self, late: Mapping[int, tuple[Detection, ...]]) -> None:
+        if self._setup.slam.refine_map:
+            self._detections.update(late)
+        self._waiting = [
+            replace(one, detections=late[one.number]) if one.number in late else one for one in self._waiting
+        ]
+
     def _taken(
         self,
         frame: StreamFrame,
         image: Bytes | None,
         odometry: Pose | None,
         progress: Progress | None,
+        late: Mapping[int, tuple[Detection, ...]] | None = None,
     ) -> SlamState:
         if odometry is not None:
             self._odometry.append(odometry)
         if image is not None:
-            self._features().take(image, frame.detections)
-        if self._setup.slam.refine_map:
+            self._features().take(image, frame.detections or ())
+        if self._setup.slam.refine_map and frame.detections is not None:
             self._detections[frame.number] = frame.detections
         if self._estimator is not None:
-            reached = self._step(frame)
+            reached = self._step(frame, late)
         else:
             self._waiting.append(frame)
             reached = self._begin(progress) if self._suffices() else self._waiting_state()
@@ -473,7 +532,7 @@ class Slam:
         if self._estimator is None:
             self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
             first = frames[0]
-            reports = (self._estimator.begin(first.number, start.state, self._samples(), first.detections),)
+            reports = (self._estimator.begin(first.number, start.state, self._samples(), first.detections or ()),)
         for frame, report in zip(frames, reports, strict=False):
             reached = self._reported(frame, report)
         for frame in frames[len(reports) :]:
@@ -491,9 +550,9 @@ class Slam:
     def _samples(self) -> ImuSamples:
         return self._stream.samples() if self._moved_by_imu else NO_IMU
 
-    def _step(self, frame: StreamFrame) -> SlamState:
+    def _step(self, frame: StreamFrame, late: Mapping[int, tuple[Detection, ...]] | None = None) -> SlamState:
         estimator = self._started()
-        report = estimator.process(frame.number, frame.time_s, self._samples(), frame.detections)
+        report = estimator.process(frame.number, frame.time_s, self._samples(), frame.detections, late)
         oldest = estimator.smoother.frames[0]
         if self._image_features is not None:
             self._image_features.forget_before(oldest)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -35,7 +35,7 @@ class StreamFrame:
 
     number: int
     time_s: float
-    detections: tuple[Detection, ...]  # with tracks
+    detections: tuple[Detection, ...] | None  # with tracks; None where nobody has looked at the image yet
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class FirstSeconds:
         speed = float(np.linalg.norm(rough.state.velocity_in_world))
         start = unknown_start(estimation.start, estimation.unknown_start, speed)
         setup = replace(self.setup, estimation=replace(estimation, start=start))
-        by_frame: Mapping[int, tuple[Detection, ...]] = {f.number: f.detections for f in self.frames}
+        by_frame = {f.number: f.detections for f in self.frames if f.detections is not None}
         lag_s, config = setup.slam.lag_s, estimation.unknown_start
         first, begun = self._first(), partial(fresh, setup)
         found = settled(first, self.imu, by_frame, rough.state, begun, start, config, lag_s, progress)
@@ -109,7 +109,7 @@ class FirstSeconds:
     def _rough(self) -> RoughStart:
         setup, category = self.setup, self.setup.category
         height_m, alignment = category.dimensions[2], setup.estimation.unknown_start.alignment
-        sized = [(d, height_m) for f in self.frames for d in f.detections if d.category == category.name]
+        sized = [(d, height_m) for f in self.frames for d in f.detections or () if d.category == category.name]
         imu = setup.estimation.imu
         if not self.has_imu:
             assert self.image_features is not None

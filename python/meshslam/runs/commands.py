@@ -31,7 +31,7 @@ USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
     "detect": (*RECORDING, *_PERCEPTION, "tracking.categories"),
     "map": (*_SEEN, *_OBJECTS, "rotations"),
     "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
-    "slam": (*_SEEN, *_OBJECTS, "estimation", "slam"),
+    "slam": (*_SEEN, *_OBJECTS, "estimation", "slam", "live"),
     "reproduce views": ("objects",),
     "reproduce localization": ("estimation", "localization"),
 }

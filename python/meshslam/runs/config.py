@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from meshslam.features import RotationConfig
 from meshslam.initialization import EstimationConfig
+from meshslam.live import LiveConfig
 from meshslam.localization import LocalizationConfig
 from meshslam.mapping import MappingConfig
 from meshslam.object_slam import SlamConfig
@@ -79,3 +80,4 @@ class Config(Settings):
     estimation: EstimationConfig = field(default_factory=EstimationConfig)
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
     slam: SlamConfig = field(default_factory=SlamConfig)
+    live: LiveConfig = field(default_factory=LiveConfig)

@@ -90,7 +90,7 @@ def segment_frames(recording: Sequence, config: Config, outlet: Outlet) -> Detec
     return detect(frames, segmenter, progress=lambda frame: outlet.progress("segment", index[frame] + 1, len(index)))
 
 
-def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet) -> Segmenter:
+def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet, threads: int = 2) -> Segmenter:
     """The network of the configuration, or the reader of coded colours; what is assumed of a network is said."""
     renamed, adapter = renamings(config.input.category_names), config.input.adapter
     if by_colour(config):
@@ -109,7 +109,12 @@ def choose_segmenter(recording: Sequence, config: Config, outlet: Outlet) -> Seg
         ) from None
     said = None if adapter is None else Path(adapter)
     found = load_segmenter(
-        model, config.segmentation, adapter=said, renamed=renamed, tracked=config.tracking.categories
+        model,
+        config.segmentation,
+        threads,
+        adapter=said,
+        renamed=renamed,
+        tracked=config.tracking.categories,
     )
     for note in getattr(found, "notes", ()):
         outlet.note(note)

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from meshslam.categories import load_category
 from meshslam.evaluation import evaluate_run
-from meshslam.maps import CameraPath, RunDirectory
+from meshslam.maps import CameraPath, RunDirectory, Trajectory
 from meshslam.object_slam import SlamResult, slam_sequence
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_left_out_tracks
+from meshslam.runs.live_run import live_recording
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
@@ -59,17 +60,23 @@ def run_slam(
 def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
     """The same where the run is not there yet."""
     recording, run = begun.recording, begun.run
-    result = slam_recording(recording, settings, outlet, clock, run)
+    live: dict[str, float] = {}
+    if settings.live.enabled:
+        found = live_recording(recording, settings, outlet, clock)
+        recording, result, live, told = found.recording, found.result, found.figures, {"live": found.live_path}
+    else:
+        result = slam_recording(recording, settings, outlet, clock, run)
+        told = {"filtered": Trajectory(recording.times_s, result.filtered)}
     path, height = result.trajectory, recording.height_above_ground_m
     frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
     stages.save(recording, frames, result.mapping, run)
     sigmas = stages.save_estimate(result.estimate, run, outlet)
     save_left_out_tracks(result.mapping, run, outlet)
-    figures = stages.figures(recording, result.mapping, clock) | result.figures | sigmas
+    figures = stages.figures(recording, result.mapping, clock) | result.figures | live | sigmas
     figures |= evaluate_run(recording.root, run.folder)
     alone = {"initial": result.alone} if result.alone else {}
     by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
-    figures |= paths_against_truth(recording, {**alone, "filtered": result.filtered, **by_iteration})
+    figures |= paths_against_truth(recording, {**alone, **told, **by_iteration})
     drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
     figures = save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, clock, drawn)
     return stages.end(begun, figures, outlet)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from meshslam.evaluation import read_truth, trajectory_figures
 from meshslam.geometry import Pose
 from meshslam.maps import Trajectory
 from meshslam.sequences import Sequence
 
 
-def paths_against_truth(recording: Sequence, paths: dict[str, tuple[Pose, ...]]) -> dict[str, float]:
-    """`ate_<name>_rmse_m` of each path; empty without truth."""
+def paths_against_truth(recording: Sequence, paths: Mapping[str, tuple[Pose, ...] | Trajectory]) -> dict[str, float]:
+    """`ate_<name>_rmse_m` of each path, its poses being those of the frames; empty without truth."""
     truth = read_truth(recording.root).path
     if truth is None:
         return {}
-    found = {name: trajectory_figures(truth, Trajectory(recording.times_s, poses)) for name, poses in paths.items()}
+    found = {
+        name: trajectory_figures(truth, path if isinstance(path, Trajectory) else Trajectory(recording.times_s, path))
+        for name, path in paths.items()
+        if len(path)
+    }
     return {f"ate_{name}_rmse_m": rows["ate_rmse_m"] for name, rows in found.items() if "ate_rmse_m" in rows}
 
 
