@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from meshslam.initialization.config import EstimationConfig, UnknownStartConfig
     from meshslam.initialization.first_frames import FirstFrames
     from meshslam.initialization.gravity_alignment import AlignmentConfig
-    from meshslam.initialization.settling import Estimator, Settled, settled, settling_seconds, unknown_start
+    from meshslam.initialization.settling import Estimator, Settled, Settling, settled, settling_seconds, unknown_start
     from meshslam.initialization.world_alignment import (
         Path,
         level_from_world,
@@ -26,7 +26,7 @@ else:
             "config": "EstimationConfig UnknownStartConfig",
             "first_frames": "FirstFrames",
             "gravity_alignment": "AlignmentConfig",
-            "settling": "Estimator Settled settled settling_seconds unknown_start",
+            "settling": "Estimator Settled Settling settled settling_seconds unknown_start",
             "world_alignment": "Path level_from_world moved_map moved_path moved_sequence world_from_levelled",
         },
     )
@@ -39,6 +39,7 @@ __all__ = [
     "Path",
     "RoughStart",
     "Settled",
+    "Settling",
     "UnknownStartConfig",
     "level_from_world",
     "moved_map",

@@ -45,6 +45,9 @@ class LiveCounts:
     waiting: int = 0  # poses of frames before SLAM had started
     by_window: int = 0  # poses
     by_imu: int = 0
+    starts_failed: int = 0  # searches of a start that began anew, as notes say
+    window_s: float = 0.0  # that the window took for frames after the start
+    network_s: float = 0.0  # that perception took
     imu_left_out: int = 0  # samples that are no numbers, wild, or there already
     dropped_poses: int = 0  # that nobody took in time
     start_work_s: float = 0.0  # that finding the start took
@@ -75,6 +78,9 @@ class LiveCounts:
             "live_latency_median_s": round(self.latency_s(0.5), 6),
             "live_latency_p95_s": round(self.latency_s(0.95), 6),
             "live_latency_max_s": round(self.latency_s(1.0), 6),
+            "live_window_s_per_frame": round(self.window_s / max(1, self.taken_in), 6),
+            "live_perception_s_per_frame": round(self.network_s / max(1, self.segmented), 6),
+            "live_starts_failed": self.starts_failed,
             "live_start_work_s": round(self.start_work_s, 6),
             "live_start_drive_s": round(self.start_drive_s, 6),
         }

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -98,7 +99,8 @@ class LiveSlam:
         settings, self._live = config or default_slam_settings(), live or LiveConfig()
         self._mounting, self._source, self._on_pose = imu_from_camera, source, on_pose
         self._imu_config, self._points = settings.estimation.imu, settings.slam.points
-        self._slam = Slam(
+        self._fresh = partial(
+            Slam,
             camera,
             category=category,
             imu_from_camera=imu_from_camera,
@@ -108,11 +110,12 @@ class LiveSlam:
             config=settings,
             source=source,
         )
-        threads = self._live.network_threads
+        self._slam = self._fresh()
+        threads, segmentation = self._live.network_threads, replace(settings.segmentation, zoom=self._live.zoom)
         if segmenter is not None and segmenter != COLOUR and isinstance(segmenter, str | Path):
             segmenter = load_segmenter(
                 find_model(str(segmenter)),
-                settings.segmentation,
+                segmentation,
                 adapter=None if adapter is None else Path(adapter),
                 renamed=our_names(classes),
                 tracked=settings.tracking.categories,
@@ -123,7 +126,7 @@ class LiveSlam:
         names = known.keypoint_names if keypoint_names is None else tuple(keypoint_names)
         self._perception = FramePerception(
             segmenter,
-            settings.segmentation,
+            segmentation,
             replace(settings.keypoints, threads=threads),
             settings.tracking,
             camera,
@@ -192,10 +195,7 @@ class LiveSlam:
             raise SequenceError(f"{self._source}: the run is closed: begin a new one")
         number = self._checked(image, time_s, frame)
         with self._news:
-            started = self._prediction is not None
-            busy = self._pending >= self._live.pending_frames
-            is_early = not started and time_s - self._last_taken_s < self._live.start_step_s - 1e-3
-            is_taken = not busy and not is_early
+            is_taken = self._can_take(time_s - self._last_taken_s)
             self._pending += is_taken
             self.counts.frames += 1
             self.counts.skipped += not is_taken
@@ -209,6 +209,15 @@ class LiveSlam:
             self._to_tell.put(given)
         else:
             self.counts.dropped_poses += 1
+
+    def _can_take(self, since_s: float) -> bool:
+        """Whether the window takes in a frame so long after the last one that it takes in."""
+        live = self._live
+        if not self.is_started and since_s < live.start_step_s:
+            return False
+        if self._pending < live.pending_frames:
+            return True
+        return since_s >= live.busy_step_s and self._pending < live.most_pending_frames
 
     def map(self) -> Map:
         """The objects as they are now, by any thread; see `Slam.map`. It waits for the frame that is being taken in."""
@@ -300,8 +309,10 @@ class LiveSlam:
 
     def _segment(self, frame: _Frame) -> None:
         """The thread of the network."""
+        began_s = time.perf_counter()
         found = self._perception.process(frame.number, frame.image, frame.detections)
         with self._news:
+            self.counts.network_s += time.perf_counter() - began_s
             self.counts.segmented += 1
             self._late[frame.number], self._newest = found, found
             self._notes += self._perception.notes
@@ -346,8 +357,11 @@ class LiveSlam:
                 self._late.pop(number, None)
             self.counts.too_late += len(seen) - len(held)
             self.counts.taken_in += 1
-            if state.is_started and not was_started:
-                self.counts.start_work_s = time.perf_counter() - began_s
+            took_s = time.perf_counter() - began_s
+            if was_started:
+                self.counts.window_s += took_s
+            elif state.is_started:
+                self.counts.start_work_s = took_s
                 self.counts.start_drive_s = frame.time_s - self._frames[0][1]
             self._prediction = prediction
         self._done(frame, state)
@@ -362,8 +376,13 @@ class LiveSlam:
     def _failed(self, frame: _Frame, error: MeshslamError) -> None:
         with self._news:
             self.counts.failed += 1
-            self._notes.append(str(error))
             self._run += 1
+            if self.is_started:
+                self._notes.append(str(error))
+            else:  # with what comes from here on
+                self._notes.append(f"{error}; the search of a start begins anew")
+                self.counts.starts_failed += 1
+                self._slam, self._given_s = self._fresh(), frame.time_s
             self._failed_at = self._slam.next_index
         self._done(frame, None)
 

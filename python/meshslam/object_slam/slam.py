@@ -35,7 +35,7 @@ from meshslam.object_slam.landmarks import Landmark, joined_tracks
 from meshslam.object_slam.refinement import refined_mapping, starts_of
 from meshslam.object_slam.result import SlamResult, SlamState
 from meshslam.object_slam.setup import SlamSetup
-from meshslam.object_slam.start import NO_IMU, FirstSeconds, StreamFrame
+from meshslam.object_slam.start import NO_IMU, FirstSeconds, SettlingStart, StreamFrame
 from meshslam.objects import ObjectConfig
 from meshslam.perception import (
     CategoryEntry,
@@ -184,6 +184,7 @@ class Slam:
         self._image_features: ImageFeatures | None = None
         self._odometry: list[Pose] = []
         self._waiting: list[StreamFrame] = []
+        self._settling: SettlingStart | None = None
         self._estimator: SlamEstimator | None = None
         self._detections: dict[int, tuple[Detection, ...]] = {}  # by frame, for the refinement of the map
         self.first_state: NavState  # the first frame's, as it was given or found
@@ -308,12 +309,23 @@ class Slam:
         if self._estimator is not None:
             reached = self._step(frame, late)
         else:
-            self._waiting.append(frame)
+            self._wait(frame, late)
             reached = self._begin(progress) if self._suffices() else self._waiting_state()
         pose = reached.world_from_camera
         if pose is not None and not np.isfinite(pose.matrix).all():
             raise SequenceError(f"frame {frame.number}: the pose is not finite: what it brought was left out again")
         return replace(reached, notes=self._stream.notes)
+
+    def _wait(self, frame: StreamFrame, late: Mapping[int, tuple[Detection, ...]] | None) -> None:
+        """Take in a frame before SLAM has started: the search of a start goes on with it."""
+        self._waiting.append(frame)
+        if self._settling is not None:
+            self._settling.settling.take(frame.number, frame.time_s, self._samples(), frame.detections, late)
+        elif self._first_seconds().suffice_for_rough_start():
+            self._settling = self._first_seconds().settling(self._fresh)
+
+    def _fresh(self, setup: SlamSetup) -> SlamEstimator:
+        return SlamEstimator(setup, self._motion(), self._image_features)
 
     def _suffices(self) -> bool:
         """Whether the frames that wait suffice to start."""
@@ -447,7 +459,7 @@ class Slam:
         The original goes on as if it had not been copied; the copy's poses may differ from it by a few centimetres.
         """
         if self._estimator is None:
-            return dict(vars(self))
+            return vars(self) | {"_settling": None}  # which begins anew from the frames that wait
         with unchanged(self):
             arrays = estimator_to_arrays(self._estimator)
         return vars(self) | {"_estimator": None, "_copied": arrays}
@@ -523,14 +535,12 @@ class Slam:
 
     def _begin(self, progress: Progress | None = None) -> SlamState:
         """Find the first state, and go through the frames that waited for it."""
-        start = self._first_seconds().start(
-            lambda setup: SlamEstimator(setup, self._motion(), self._image_features), progress
-        )
+        start, self._settling = self._first_seconds().start(self._fresh, self._settling, progress), None
         self.first_state, self._setup = start.state, start.setup
         frames, self._waiting = self._waiting, []
         self._estimator, reports = start.estimator, start.reports
         if self._estimator is None:
-            self._estimator = SlamEstimator(self._setup, self._motion(), self._image_features)
+            self._estimator = self._fresh(self._setup)
             first = frames[0]
             reports = (self._estimator.begin(first.number, start.state, self._samples(), first.detections or ()),)
         for frame, report in zip(frames, reports, strict=False):

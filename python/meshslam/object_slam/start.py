@@ -13,9 +13,9 @@ from meshslam.geometry import Floats, Pose
 from meshslam.initialization import (
     FirstFrames,
     RoughStart,
+    Settling,
     rough_start,
     rough_start_by_images,
-    settled,
     settling_seconds,
     unknown_start,
 )
@@ -48,6 +48,14 @@ class Start:
     reports: tuple[SlamReport, ...] = ()  # of its frames
 
 
+@dataclass(eq=False)
+class SettlingStart:
+    """A start that is being searched, and the setup that it is searched with."""
+
+    setup: SlamSetup
+    settling: Settling[SlamEstimator]
+
+
 @dataclass(frozen=True, eq=False)
 class FirstSeconds:
     """Frames and samples that were taken in before SLAM has started."""
@@ -75,9 +83,17 @@ class FirstSeconds:
         seconds = max(unknown.alignment.seconds, settling_seconds(unknown, self.setup.slam.lag_s))
         return self.frames[-1].time_s - self.frames[0].time_s > seconds
 
+    def suffice_for_rough_start(self) -> bool:
+        """Whether a start that is to be searched can begin to settle."""
+        if self.odometry or (self.given is not None and self.has_imu):
+            return False
+        passed_s = self.frames[-1].time_s - self.frames[0].time_s
+        return passed_s > self.setup.estimation.unknown_start.alignment.seconds
+
     def start(
         self,
         fresh: Callable[[SlamSetup], SlamEstimator],
+        settling: SettlingStart | None = None,
         progress: Callable[[str, int, int], None] | None = None,
     ) -> Start:
         """The first state, and the setup to begin with it; SequenceError where the frames do not tell."""
@@ -89,22 +105,21 @@ class FirstSeconds:
             pose, velocity = self.given.world_from_camera, self.given.velocity_in_world
             mounted = self.setup.mounting.imu_from_camera
             return Start(state_of_camera(first_s, pose, velocity, rate_at(self.imu, first_s), mounted), self.setup)
-        return self._found(fresh, progress)
-
-    def _found(
-        self, fresh: Callable[[SlamSetup], SlamEstimator], progress: Callable[[str, int, int], None] | None
-    ) -> Start:
-        """The state that gravity, the objects' boxes and the first seconds' SLAM tell."""
-        estimation = self.setup.estimation
-        rough = self._rough()
-        speed = float(np.linalg.norm(rough.state.velocity_in_world))
-        start = unknown_start(estimation.start, estimation.unknown_start, speed)
-        setup = replace(self.setup, estimation=replace(estimation, start=start))
+        begun = settling or self.settling(fresh)
         by_frame = {f.number: f.detections for f in self.frames if f.detections is not None}
-        lag_s, config = setup.slam.lag_s, estimation.unknown_start
-        first, begun = self._first(), partial(fresh, setup)
-        found = settled(first, self.imu, by_frame, rough.state, begun, start, config, lag_s, progress)
-        return Start(found.state, setup, found.estimator, found.reports)
+        found = begun.settling.settle(self._first(), self.imu, by_frame, progress)
+        return Start(found.state, begun.setup, found.estimator, found.reports)
+
+    def settling(self, fresh: Callable[[SlamSetup], SlamEstimator]) -> SettlingStart:
+        """Begin to settle from what gravity and the objects' boxes tell; SequenceError where they do not tell."""
+        estimation = self.setup.estimation
+        rough, unknown = self._rough(), estimation.unknown_start
+        start = unknown_start(estimation.start, unknown, float(np.linalg.norm(rough.state.velocity_in_world)))
+        setup = replace(self.setup, estimation=replace(estimation, start=start))
+        settling = Settling(rough.state, partial(fresh, setup), start, unknown, setup.slam.lag_s)
+        for frame in self.frames:
+            settling.take(frame.number, frame.time_s, self.imu, frame.detections)
+        return SettlingStart(setup, settling)
 
     def _rough(self) -> RoughStart:
         setup, category = self.setup, self.setup.category

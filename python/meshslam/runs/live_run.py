@@ -47,7 +47,8 @@ def live_recording(recording: Sequence, settings: Config, outlet: Outlet, clock:
     given = _given_detections(recording, settings, outlet)
     segmenter: Segmenter | None = None
     if given is None:
-        segmenter = choose_segmenter(recording, settings, outlet, threads=settings.live.network_threads)
+        once = replace(settings, segmentation=replace(settings.segmentation, zoom=settings.live.zoom))
+        segmenter = choose_segmenter(recording, once, outlet, threads=settings.live.network_threads)
     poses: list[LivePose] = []
     assert recording.imu_from_camera is not None
     live = LiveSlam(
