@@ -41,6 +41,7 @@ class LiveCounts:
     skipped: int = 0  # by the window, which was busy; their poses follow from the IMU
     failed: int = 0  # that could not be taken in, as notes say
     segmented: int = 0
+    perceptions_failed: int = 0  # whose image or detections could not be used
     too_late: int = 0  # segmented frames that had left the window
     waiting: int = 0  # poses of frames before SLAM had started
     by_window: int = 0  # poses
@@ -69,6 +70,7 @@ class LiveCounts:
             "live_frames_failed": self.failed,
             "live_frames_segmented": self.segmented,
             "live_segmented_share": round(self.segmented / given, 6),
+            "live_perceptions_failed": self.perceptions_failed,
             "live_segmented_too_late": self.too_late,
             "live_poses_waiting": self.waiting,
             "live_poses_by_window": self.by_window,

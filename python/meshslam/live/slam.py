@@ -188,12 +188,16 @@ class LiveSlam:
         """The next frame, by one thread; `detections` are used instead of the network, where they are given.
 
         SequenceError if time or number do not go on, if it lacks the image that others have, or if the run is closed;
-        what a thread raised is raised here, too.
+        GeometryError for an image that is not uint8 (h, w, 3) of the camera's size. What a thread raised is raised
+        here, too. Frames that cannot be taken in, and detections that cannot be used, are counted, and notes of the
+        next pose say why.
         """
         self._raise()
         if self._is_closed:
             raise SequenceError(f"{self._source}: the run is closed: begin a new one")
         number = self._checked(image, time_s, frame)
+        if image is not None:
+            self._perception.check(number, image)
         with self._news:
             is_taken = self._can_take(time_s - self._last_taken_s)
             self._pending += is_taken
@@ -310,7 +314,13 @@ class LiveSlam:
     def _segment(self, frame: _Frame) -> None:
         """The thread of the network."""
         began_s = time.perf_counter()
-        found = self._perception.process(frame.number, frame.image, frame.detections)
+        try:
+            found = self._perception.process(frame.number, frame.image, frame.detections)
+        except MeshslamError as error:
+            with self._news:
+                self.counts.perceptions_failed += 1
+                self._notes.append(str(error))
+            return
         with self._news:
             self.counts.network_s += time.perf_counter() - began_s
             self.counts.segmented += 1

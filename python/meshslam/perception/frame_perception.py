@@ -70,7 +70,7 @@ class FramePerception:
         """
         self.notes = ()
         if image_bgr is not None:
-            self._check(frame, image_bgr)
+            self.check(frame, image_bgr)
         if detections is None:
             detections = self._segmented(frame, image_bgr)
         else:
@@ -81,7 +81,8 @@ class FramePerception:
             return tuple(detections)
         return self._tracker.process(detections, image_bgr, turn)
 
-    def _check(self, frame: int, image: Bytes) -> None:
+    def check(self, frame: int, image: Bytes) -> None:
+        """GeometryError unless an image is uint8 (h, w, 3), of the camera's size where it is known."""
         found = f"{type(image).__name__} {getattr(image, 'dtype', '')} {np.shape(image)}"
         size = "(h, w" if self._camera is None else f"({self._camera.height}, {self._camera.width}"
         is_colour = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape[2:] == (3,)
