@@ -221,7 +221,7 @@ class LiveSlam:
             return False
         if self._pending < live.pending_frames:
             return True
-        return since_s >= live.busy_step_s and self._pending < live.most_pending_frames
+        return since_s >= live.busy_step_s and self._pending < live.max_pending_frames
 
     def map(self) -> Map:
         """The objects as they are now, by any thread; see `Slam.map`. It waits for the frame that is being taken in."""
