@@ -10,6 +10,7 @@ __all__ = [
     "MaskLoss",
     "ObjectState",
     "Problem",
+    "RoadTexture",
     "Template",
     "TrackedPoints",
     "View",
@@ -121,6 +122,23 @@ class MaskLoss:
     def gradient(self, camera_from_object: _Floats, vertices: _Floats, kato: bool) -> _Gradient: ...
     def draw(self, camera_from_object: _Floats, vertices: _Floats) -> NDArray[np.uint8]: ...
     def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> list[float]: ...
+
+@final
+class RoadTexture:
+    def __new__(
+        cls,
+        camera: _Camera,
+        images: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+        free: NDArray[np.uint8],
+        first_from_second: _Floats,
+        up: _Floats,
+        height_m: float,
+        depths_m: tuple[float, float],
+        aside_m: float,
+        step_px: int,
+    ) -> RoadTexture: ...
+    def __len__(self) -> int: ...
+    def correlations(self, lengths_m: _Floats) -> _Floats: ...
 
 @final
 class TrackedPoints:

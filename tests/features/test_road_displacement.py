@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from meshslam.features.road_displacement import RoadConfig, road_displacement_m, road_normal
-from meshslam.geometry import Camera, Pose, exp_so3
+from meshslam.geometry import Camera, Pose, RoadTexture, exp_so3
+from tests.reference import road_texture
 
 CAMERA = Camera(width=620, height=190, fx=360.0, fy=360.0, cx=305.0, cy=80.0)
 LEVEL_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -59,3 +60,20 @@ def test_the_road_lies_along_the_path():
     assert normal[1] == pytest.approx(0.0)
     assert normal[2] > 0.99
     assert road_normal([k * slope for k in range(5)], RoadConfig()) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_correlations_are_those_of_the_slow_twin(texture, seed):
+    random = np.random.default_rng(seed)
+    one = Pose(LEVEL_FROM_CAMERA @ exp_so3(random.normal(0, 0.01, 3)), np.zeros(3))
+    moved = Pose(LEVEL_FROM_CAMERA @ exp_so3(random.normal(0, 0.01, 3)), np.array([1.1, 0.05, 0.01]))
+    images, free = (drawn(one, texture), drawn(moved, texture)), (random.random(FREE.shape) < 0.8).astype(np.uint8)
+    patch = {"up": moved.rotation.T @ [0.0, 0.0, 1.0], "height_m": HEIGHT_M, "aside_m": 1.6}
+    patch |= {"depths_m": (5.0, 14.0), "step_px": int(random.integers(1, 4))}
+    lengths = np.array([*np.linspace(0.5, 2.0, 20), 30.0, -30.0])
+    between = one.inverse() @ moved
+    found = RoadTexture(CAMERA, images, free, between, **patch).correlations(lengths)
+    expected = road_texture.correlations(CAMERA, images, free, between, lengths, **patch)
+    assert found == pytest.approx(expected, abs=1e-4)
+    assert expected.max() > 0.9
+    assert expected[-1] == -1.0

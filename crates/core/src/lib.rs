@@ -15,6 +15,7 @@ pub mod object;
 pub mod outline;
 pub mod raster;
 pub mod residuals;
+pub mod road;
 mod rounding;
 pub mod silhouette;
 mod simd;

@@ -7,6 +7,7 @@ mod named;
 mod object;
 mod problem;
 mod raster;
+mod road;
 mod tracks;
 mod view;
 
@@ -26,6 +27,8 @@ mod _core {
     use super::problem::{ObjectState, Problem};
     #[pymodule_export]
     use super::raster::{coverage, outline, rasterize};
+    #[pymodule_export]
+    use super::road::RoadTexture;
     #[pymodule_export]
     use super::tracks::TrackedPoints;
     #[pymodule_export]

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.geometry import Bytes, Camera, Floats, Pose, RoadTexture
 from meshslam.settings import Settings, expert, public
+
+_MIN_POINTS = 200  # of the road
 
 
 @dataclass(frozen=True)
@@ -67,55 +68,31 @@ def road_displacement_m(
     expected = float(np.linalg.norm(first_from_second.translation))
     if expected < 1e-3:
         return None
-    direction = first_from_second.translation / expected
-    pixels, on_road = _patch(cameras[1].rotation.T @ normal, height_m, free, camera, config)
-    if len(pixels) < 200:
+    texture = RoadTexture(
+        camera,
+        images,
+        free,
+        first_from_second,
+        up=cameras[1].rotation.T @ normal,
+        height_m=height_m,
+        depths_m=(config.min_distance_m, config.max_distance_m),
+        aside_m=config.aside_m,
+        step_px=config.step_px,
+    )
+    if len(texture) < _MIN_POINTS:
         return None
-    seen = images[1][pixels[:, 1], pixels[:, 0]].astype(np.float64)
-    turned = on_road @ first_from_second.rotation.T
-
-    def correlation(displacement_m: float) -> float:
-        return _correlation(seen, images[0], camera.project(turned + displacement_m * direction))
-
-    best, value = _peak(correlation, expected, config)
-    drop = value - max(correlation(best * (1 + s * config.drop_share)) for s in (-1, 1))
-    return best if value >= config.min_correlation and drop >= config.min_drop else None
+    best, value = _peak(texture.correlations, expected, config)
+    beside = texture.correlations(best * np.array([1 - config.drop_share, 1 + config.drop_share]))
+    is_distinct = value - float(beside.max()) >= config.min_drop
+    return best if value >= config.min_correlation and is_distinct else None
 
 
-def _patch(
-    up: Floats, height_m: float, free: Bytes, camera: Camera, config: RoadConfig
-) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.int64]], Floats]:
-    """Pixels (n, 2) of the road ahead, and the points (n, 3) of it that they see, in the camera whose up is given."""
-    v, u = np.mgrid[0 : camera.height : config.step_px, 0 : camera.width : config.step_px]
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-    pixels = pixels[free[pixels[:, 1], pixels[:, 0]] > 0]
-    rays = camera.rays(pixels.astype(float))
-    down = -(rays @ up)
-    depth = np.where(down > 1e-3, height_m / np.maximum(down, 1e-3), np.inf)
-    ahead = (depth > config.min_distance_m) & (depth < config.max_distance_m)
-    on = ahead & (np.abs(rays[:, 0] * np.where(ahead, depth, 0.0)) < config.aside_m)
-    return pixels[on], rays[on] * depth[on, None]
-
-
-def _correlation(seen: Floats, image: Bytes, pixels: Floats) -> float:
-    """Normalized correlation of grey values (n,) with an image's at pixels (n, 2); -1 where few are inside."""
-    width = 256  # OpenCV takes no long columns
-    padded = np.full((-len(pixels) % width, 2), -1.0)
-    at = np.concatenate([pixels, padded]).astype(np.float32).reshape(-1, width, 2)
-    values = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR).reshape(-1)[: len(pixels)].astype(np.float64)
-    inside = ((pixels >= 0) & (pixels <= [image.shape[1] - 1, image.shape[0] - 1])).all(1)
-    if inside.sum() < 0.5 * len(pixels):
-        return -1.0
-    a, b = seen[inside] - seen[inside].mean(), values[inside] - values[inside].mean()
-    return float(a @ b / max(1e-9, np.sqrt((a @ a) * (b @ b))))
-
-
-def _peak(correlation: Callable[[float], float], expected: float, config: RoadConfig) -> tuple[float, float]:
+def _peak(correlations: Callable[[Floats], Floats], expected: float, config: RoadConfig) -> tuple[float, float]:
     """Where the correlation is largest around an expected displacement: a coarse search, a fine one, a parabola."""
     best = expected
     for reach, count in ((config.search_share, 25), (config.search_share / 12, 5)):
         tried = best * np.linspace(1 - reach, 1 + reach, count)
-        values = np.array([correlation(float(length)) for length in tried])
+        values = correlations(tried)
         i = int(values.argmax())
         best = float(tried[i])
     if not 0 < i < len(tried) - 1:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
     from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
     from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
+    from meshslam.geometry.road_texture import RoadTexture
     from meshslam.geometry.robust import geman_mcclure, geman_mcclure_soft
     from meshslam.geometry.shapes import cotangent_weights, mask_iou, voxel_iou
     from meshslam.geometry.tracked_points import NormalEquations, TrackedPoints
@@ -61,6 +62,7 @@ else:
             "quaternions": "quaternions_of_rotations rotations_of_quaternions",
             "rendering": "Outline Rendering coverage outline render",
             "robust": "geman_mcclure geman_mcclure_soft",
+            "road_texture": "RoadTexture",
             "shapes": "cotangent_weights mask_iou voxel_iou",
             "tracked_points": "NormalEquations TrackedPoints",
             "triangulation": "kabsch triangulate",
@@ -89,6 +91,7 @@ __all__ = [
     "QuaternionOrder",
     "Refined",
     "Rendering",
+    "RoadTexture",
     "Singles",
     "SquareRoot",
     "TrackedPoints",

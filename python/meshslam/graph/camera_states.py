@@ -9,7 +9,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, V, X
 
-from meshslam.geometry import Floats, Pose
+from meshslam.geometry import Floats, Pose, cross_matrix
 from meshslam.graph.camera_covariance import camera_covariance
 from meshslam.graph.camera_prediction import CameraPrediction
 from meshslam.graph.object_factor import CameraKeys, CameraMemo, CameraPlace
@@ -50,6 +50,8 @@ class CameraStates:
         self._times_s: dict[int, float] = {}  # of the frames that are held
         self._memos: dict[int, CameraMemo] = {}
         self._final: dict[int, Pose] = {}  # world_from_camera of each frame as it was when it left the window
+        self._estimates: dict[int, FrameEstimate] = {}  # those that were asked for at the values `_estimated_at`
+        self._estimated_at: gtsam.Values | None = None
 
     @property
     def held(self) -> list[int]:
@@ -90,21 +92,32 @@ class CameraStates:
         self.newest = frame
         self._times_s[frame], self.rates_rad_s[frame] = state.time_s, rate_rad_s - state.gyroscope_bias
         self._memos[frame] = CameraMemo(self.arm_m, self.rates_rad_s[frame])
+        self._estimates.pop(frame, None)
 
     def insert_mounting(self, mounting: Mounting) -> None:
         """Add the mounting's variables."""
         self._mounting, values = mounting, self._window.values
+        self._estimates.clear()
         values.insert(ROTATION, gtsam.Rot3.ClosestTo(mounting.imu_from_camera.rotation))
         values.insert(OFFSET, np.array([mounting.time_offset_s]))
 
     def estimate(self, frame: int) -> FrameEstimate:
         """The current estimate of a frame that is held."""
+        if self._window.values is not self._estimated_at:
+            self._estimates.clear()
+            self._estimated_at = self._window.values
+        found = self._estimates.get(frame)
+        if found is None:
+            found = self._estimates[frame] = self._estimate(frame)
+        return found
+
+    def _estimate(self, frame: int) -> FrameEstimate:
         values = self._window.values
         bias = values.atConstantBias(B(frame))
         pose, velocity = from_pose3(values.atPose3(X(frame))), values.atVector(V(frame))
         state = NavState(self._times_s[frame], pose, velocity, bias.accelerometer(), bias.gyroscope())
         rate = self.rates_rad_s[frame]
-        swing = pose.rotation @ np.cross(rate, self.arm_m)
+        swing = pose.rotation @ cross_matrix(rate) @ self.arm_m
         return FrameEstimate(state, self.mounting().world_from_camera(state, rate), velocity + swing)
 
     def world_from_camera(self, frame: int) -> Pose:
@@ -144,6 +157,7 @@ class CameraStates:
         moved = world_from_camera @ self.estimate(self.newest).world_from_camera.inverse()
         key = X(self.newest)
         self._window.values.update(key, to_pose3(moved @ from_pose3(self._window.values.atPose3(key))))
+        self._estimates.pop(self.newest, None)
 
     def retire(self, frames: list[int], *, keep: bool) -> set[int]:
         """Frames leave the window, their last estimates are kept or not. Returns their variables."""
@@ -159,6 +173,7 @@ class CameraStates:
         """Forget frames that are not in the window any more."""
         for frame in frames:
             del self._times_s[frame], self._memos[frame]
+            self._estimates.pop(frame, None)
 
     def to_arrays(self) -> dict[str, Floats]:
         """All but the variables, as plain arrays."""
@@ -177,3 +192,4 @@ class CameraStates:
         cameras = zip(arrays["camera_frames"], arrays["cameras"], strict=True)
         self._final = {int(f): Pose.from_matrix(matrix) for f, matrix in cameras}
         self.newest = max(self._times_s)
+        self._estimates.clear()

@@ -17,6 +17,7 @@ mod outline;
 mod problem;
 mod raster;
 mod residuals;
+mod road;
 mod template;
 mod tracks;
 mod triangulate;
