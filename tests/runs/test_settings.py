@@ -76,6 +76,7 @@ ADDED = (  # since 0.1
     "live.pending_frames",
     "live.busy_step_s",
     "live.max_pending_frames",
+    "live.start_s",
     "live.start_step_s",
     "live.imu_wait_s",
     "live.zoom",

@@ -17,6 +17,7 @@ class LiveConfig(Settings):
     pending_frames: int = expert(2, low=1)  # that wait for the window or are in it; with more it is busy,
     busy_step_s: float = expert(0.18, low=0)  # and takes frames so far apart,
     max_pending_frames: int = expert(20, low=1)  # up to so many
+    start_s: float = expert(2.8, above=0)  # of frames that a start is searched in; instead of a longer settling_s
     start_step_s: float = expert(0.18, low=0)  # between the frames that the start is found from
     imu_wait_s: float = expert(0.05, low=0)  # that a frame waits for its own samples
     zoom: float = expert(1.0, low=1)  # instead of segmentation.zoom: a second look takes as long as the first

@@ -26,7 +26,7 @@ from meshslam.live.workers import InOrder, Newest, Worker
 from meshslam.localization import checked_samples
 from meshslam.maps import Map
 from meshslam.motion import NavState
-from meshslam.object_slam import Slam, SlamResult, SlamSettings, SlamState, StreamFrame, default_slam_settings
+from meshslam.object_slam import Slam, SlamParts, SlamResult, SlamSettings, SlamState, StreamFrame
 from meshslam.perception import COLOUR, Detection, FramePerception, Segmenter, find_model, load_segmenter, our_names
 from meshslam.sequences import ImuSamples, InitialState
 
@@ -96,7 +96,8 @@ class LiveSlam:
         source: str = "live",
     ) -> None:
         """The network is loaded at once: ModelError if it cannot be. `on_pose` must return soon."""
-        settings, self._live = config or default_slam_settings(), live or LiveConfig()
+        self._live = live or LiveConfig()
+        settings = _for_live(config or SlamParts(), self._live)
         self._mounting, self._source, self._on_pose = imu_from_camera, source, on_pose
         self._imu_config, self._points = settings.estimation.imu, settings.slam.points
         self._fresh = partial(
@@ -111,23 +112,22 @@ class LiveSlam:
             source=source,
         )
         self._slam = self._fresh()
-        threads, segmentation = self._live.network_threads, replace(settings.segmentation, zoom=self._live.zoom)
         if segmenter is not None and segmenter != COLOUR and isinstance(segmenter, str | Path):
             segmenter = load_segmenter(
                 find_model(str(segmenter)),
-                segmentation,
+                settings.segmentation,
+                self._live.network_threads,
                 adapter=None if adapter is None else Path(adapter),
                 renamed=our_names(classes),
                 tracked=settings.tracking.categories,
-                threads=threads,
             )
             adapter = classes = None
         known = load_category(category) if isinstance(category, str) else category
         names = known.keypoint_names if keypoint_names is None else tuple(keypoint_names)
         self._perception = FramePerception(
             segmenter,
-            segmentation,
-            replace(settings.keypoints, threads=threads),
+            settings.segmentation,
+            settings.keypoints,
             settings.tracking,
             camera,
             {known.name: len(names)},
@@ -451,3 +451,18 @@ class LiveSlam:
             map_from_odometry.rotation @ found.velocity_in_world,
         )
         return LivePose(number, time_s, pose, found.covariance, velocity, since_s(), IMU, (), notes)
+
+
+def _for_live(given: SlamSettings, live: LiveConfig) -> SlamParts:
+    """Settings with what is done otherwise when the camera does not wait."""
+    start = given.estimation.unknown_start
+    start = replace(start, settling_s=min(start.settling_s, live.start_s))
+    return SlamParts(
+        given.slam,
+        replace(given.estimation, unknown_start=start),
+        given.objects,
+        given.mapping,
+        replace(given.segmentation, zoom=live.zoom),
+        replace(given.keypoints, threads=live.network_threads),
+        given.tracking,
+    )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from meshslam.object_slam.loop_closure import LoopClosureConfig
     from meshslam.object_slam.result import SlamResult, SlamState
     from meshslam.object_slam.sequence import path_alone, slam_sequence, world_of
-    from meshslam.object_slam.slam import Slam, SlamSettings, default_slam_settings
+    from meshslam.object_slam.slam import Slam, SlamParts, SlamSettings
     from meshslam.object_slam.start import StreamFrame
 else:
     __getattr__ = deferred(
@@ -25,7 +25,7 @@ else:
             "loop_closure": "LoopClosureConfig",
             "result": "SlamResult SlamState",
             "sequence": "path_alone slam_sequence world_of",
-            "slam": "Slam SlamSettings default_slam_settings",
+            "slam": "Slam SlamParts SlamSettings",
             "start": "StreamFrame",
         },
     )
@@ -35,11 +35,11 @@ __all__ = [
     "Slam",
     "SlamConfig",
     "SlamEstimator",
+    "SlamParts",
     "SlamResult",
     "SlamSettings",
     "SlamState",
     "StreamFrame",
-    "default_slam_settings",
     "joined_tracks",
     "joint_descent",
     "path_alone",

@@ -88,7 +88,9 @@ class SlamSettings(Protocol):
 
 
 @dataclass(frozen=True)
-class _DefaultSettings:
+class SlamParts:
+    """The part alone, at its defaults unless it is told otherwise."""
+
     slam: SlamConfig = field(default_factory=SlamConfig)
     estimation: EstimationConfig = field(default_factory=EstimationConfig)
     objects: ObjectConfig = field(default_factory=ObjectConfig)
@@ -96,11 +98,6 @@ class _DefaultSettings:
     segmentation: SegmenterConfig = field(default_factory=SegmenterConfig)
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
-
-
-def default_slam_settings() -> SlamSettings:
-    """All settings at their defaults."""
-    return _DefaultSettings()
 
 
 class Slam:
@@ -150,7 +147,7 @@ class Slam:
         `height_above_ground_m` of the camera, where it is known, is a measure of length. `source` is what messages call
         the stream.
         """
-        settings = config or default_slam_settings()
+        settings = config or SlamParts()
         known = load_category(category) if isinstance(category, str) else category
         slam, moved_by_imu = settings.slam, imu_from_camera is not None and not by_odometry
         if not moved_by_imu:  # the camera is its own IMU
