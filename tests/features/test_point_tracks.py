@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from meshslam.errors import SequenceError
-from meshslam.features.image_features import ImageFeatures
+from meshslam.features.image_features import FeatureTracker, ImageFeatures
 from meshslam.features.point_tracks import PointConfig, PointTracker, free_mask
 from meshslam.perception.flow import grey
 
@@ -86,3 +86,24 @@ def test_saved_features_go_on_in_the_same_way(images):
             assert (one.first, one.is_closed) == (other.first, other.is_closed)
             assert all((a == b).all() for a, b in zip(one.tracks, other.tracks, strict=True))
     assert (first.frame_image(4).image == second.frame_image(4).image).all()
+
+
+def test_a_tracker_may_begin_at_any_frame(images):
+    one, other = FeatureTracker(CONFIG), FeatureTracker(CONFIG, first=7)
+    for image in images:
+        coloured = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+        first, second = one.measure(coloured, ()), other.measure(coloured, ())
+        assert second.index == first.index + 7
+        for a, b in zip(first.point_tracks, second.point_tracks, strict=True):
+            assert (b.first, b.row, b.is_closed) == (a.first + 7, a.row, a.is_closed)
+            assert all(np.array_equal(x, y) for x, y in zip(a.tracks, b.tracks, strict=True))
+
+
+def test_features_measured_elsewhere_are_held_like_own_ones(images):
+    own, given, elsewhere = ImageFeatures(CONFIG), ImageFeatures(CONFIG), FeatureTracker(CONFIG)
+    for image in images[:6]:
+        coloured = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+        own.take(coloured, ())
+        given.put(elsewhere.measure(coloured, ()))
+    assert np.array_equal(own.matches(5), given.matches(5))
+    assert np.array_equal(own.frame_image(5).image, given.frame_image(5).image)

@@ -254,3 +254,31 @@ def test_every_frame_has_a_pose_and_the_path_holds(found, drive, street):
 
 def test_parked_cars_are_in_the_graph_and_the_one_that_drives_is_not(found):
     assert found.figures["objects_in_graph"] >= 2
+
+
+def test_detections_that_come_late_count_for_their_own_frame(setup, run, drive, seen):
+    frames, by_frame = len(drive), seen.by_frame()
+    right, late = run(SlamEstimator(setup), frames), SlamEstimator(setup)
+    late.begin(0, start_of(drive), drive.imu, by_frame[0])
+    for index in range(1, frames):
+        came = {index - 2: by_frame[index - 2]} if index >= 3 else {}
+        late.process(index, float(drive.times_s[index]), drive.imu, None, came)
+    late.observe({frame: by_frame[frame] for frame in (frames - 2, frames - 1)})
+    assert {m.track for m in late.landmarks.values()} == {m.track for m in right.landmarks.values()}
+    places = {m.track: m.world_from_object.translation for m in right.landmarks.values()}
+    for mark in late.landmarks.values():
+        assert np.linalg.norm(mark.world_from_object.translation - places[mark.track]) < 0.15
+    errors = errors_m([late.path[f] for f in late.frame_ids], [right.path[f] for f in right.frame_ids])
+    assert errors.max() < 0.05
+    observed = {tag.frame for _, tag in late.smoother.objects.observations()}
+    assert observed >= set(range(frames - 8, frames))
+
+
+def test_detections_of_frames_that_have_left_the_window_are_passed_over(copied, drive, seen):
+    estimator = copied()
+    estimator.smoother.cameras.drop([estimator.smoother.frames[0]])
+    before = len(estimator.smoother.objects.observations())
+    gone = min(set(range(SAVED)) - set(estimator.smoother.frames))
+    assert not estimator.holds(gone)
+    estimator.observe({gone: seen.by_frame()[gone]})
+    assert len(estimator.smoother.objects.observations()) == before
