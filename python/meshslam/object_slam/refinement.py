@@ -12,18 +12,24 @@ from meshslam.object_slam.setup import SlamSetup
 from meshslam.perception import DetectionSet
 
 
+def best_landmarks(landmarks: Mapping[int, Landmark], joined: Mapping[int, int]) -> dict[int, Landmark]:
+    """Each track's landmark; of several stays in view the one with most observations counts."""
+    best: dict[int, Landmark] = {}
+    for mark in landmarks.values():
+        track = joined.get(mark.track, mark.track)
+        if not mark.moves and (track not in best or mark.views > best[track].views):
+            best[track] = mark
+    return best
+
+
 def starts_of(
     landmarks: Mapping[int, Landmark],
     world_from_object: Mapping[int, Pose],
     joined: Mapping[int, int],
     world_from_graph: Pose,
 ) -> dict[int, Pose]:
-    """Where each track's object stands in the graph; of several stays in view the one with most observations counts."""
-    best: dict[int, Landmark] = {}
-    for mark in landmarks.values():
-        track = joined.get(mark.track, mark.track)
-        if not mark.moves and (track not in best or mark.views > best[track].views):
-            best[track] = mark
+    """Where each track's object stands in the graph."""
+    best = best_landmarks(landmarks, joined)
     return {track: world_from_graph @ world_from_object[mark.number] for track, mark in best.items()}
 
 

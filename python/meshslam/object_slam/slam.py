@@ -18,7 +18,7 @@ from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.graph import CameraPrediction, FullTrajectory, StartConfig, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
-from meshslam.mapping import MappingConfig
+from meshslam.mapping import MappingConfig, ObjectMapping
 from meshslam.maps import Map, MapObject, Trajectory, TrajectoryEstimate
 from meshslam.motion import ImageMotion, ImuMotion, MotionSource, Mounting, NavState, OdometryMotion
 from meshslam.object_slam.archive import (
@@ -32,7 +32,7 @@ from meshslam.object_slam.archive import (
 from meshslam.object_slam.config import SlamConfig
 from meshslam.object_slam.estimator import SlamEstimator, SlamReport
 from meshslam.object_slam.landmarks import Landmark, joined_tracks
-from meshslam.object_slam.refinement import refined_mapping, starts_of
+from meshslam.object_slam.refinement import best_landmarks, refined_mapping, starts_of
 from meshslam.object_slam.result import SlamResult, SlamState
 from meshslam.object_slam.setup import SlamSetup
 from meshslam.object_slam.start import NO_IMU, FirstSeconds, SettlingStart, StreamFrame
@@ -345,7 +345,12 @@ class Slam:
         one = joined_tracks(estimator.landmarks, estimator.joined)
         latest = {one.get(m.track, m.track): m for m in estimator.landmarks.values() if not m.moves}
         covariances = estimator.landmark_covariances()
-        return Map(tuple(self._map_object(id, mark, covariances[mark.number]) for id, mark in latest.items()))
+        to_map = estimator.odometry_frame.map_from_odometry
+        things = []
+        for track, mark in latest.items():
+            pose = to_map @ mark.world_from_object if mark.in_map is None else mark.in_map
+            things.append(self._map_object(track, mark, pose, mark.z, covariances[mark.number]))
+        return Map(tuple(things))
 
     def trajectory(self) -> Trajectory:
         """The camera's path so far, each frame as last estimated in the lag; `finish` smooths all of it together."""
@@ -391,9 +396,12 @@ class Slam:
         found = found.with_tracks({d.id: one[d.track_id] for d in found.detections if d.track_id in one})
         starts = starts_of(estimator.landmarks, full.world_from_object, one, world)
         began_s = time.perf_counter()
-        mapping, notes = refined_mapping(
-            self._setup, estimator.frame_ids, path, found, starts, fixed_tracks=fixed_tracks, progress=progress
-        )
+        if self._setup.slam.refine_map:
+            mapping, notes = refined_mapping(
+                self._setup, estimator.frame_ids, path, found, starts, fixed_tracks=fixed_tracks, progress=progress
+            )
+        else:
+            mapping, notes = self._unrefined_mapping(full, found, one, world)
         refinement_s = time.perf_counter() - began_s
         filtered = tuple(world @ pose for pose in self._filtered)
         figures = self._figures(estimator, {new for new, _ in full.joined})
@@ -401,6 +409,22 @@ class Slam:
         return SlamResult(
             path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world, estimate=estimate
         )
+
+    def _unrefined_mapping(
+        self, full: FullTrajectory, found: DetectionSet, one: Mapping[int, int], world: Pose
+    ) -> tuple[ObjectMapping, tuple[str, ...]]:
+        """The objects as the smoothed graph has them, and a note that says so."""
+        estimator = self._started()
+        covariances = estimator.landmark_covariances()
+        best = best_landmarks(estimator.landmarks, one)
+        things = []
+        for track, mark in best.items():
+            pose, modes = world @ full.world_from_object[mark.number], full.modes[mark.number]
+            things.append(self._map_object(track, mark, pose, modes, covariances[mark.number]))
+        note = (
+            f"map: the {len(things)} objects of the graph as they are, not fitted once more (slam.refine_map is false)"
+        )
+        return ObjectMapping(Map(tuple(things)), found, (), {}, {}, found), (note,)
 
     def _estimate(
         self,
@@ -598,16 +622,15 @@ class Slam:
             )
         return self._estimator
 
-    def _map_object(self, number: int, mark: Landmark, covariance: Floats) -> MapObject:
-        estimator, setup = self._started(), self._setup
-        to_map = estimator.odometry_frame.map_from_odometry
-        vertices = estimator.vertices(mark)
+    def _map_object(self, number: int, mark: Landmark, pose: Pose, modes: Floats, covariance: Floats) -> MapObject:
+        setup = self._setup
+        vertices = setup.model.vertices(replace(setup.model.state_at(pose), z=modes))
         keypoints = setup.category.keypoints(vertices)
         frames = [f for f, found in self._detections.items() if any(d.track_id == mark.track for d in found)]
         thing = MapObject(
             id=number,
             category=setup.category.name,
-            world_from_object=to_map @ mark.world_from_object if mark.in_map is None else mark.in_map,
+            world_from_object=pose,
             vertices=vertices,
             faces=setup.model.faces,
             views=mark.views,
