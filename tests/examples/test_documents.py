@@ -19,7 +19,7 @@ from meshslam.perception import ColourSegmenter
 from meshslam.simulation import StreetConfig, driven_again, make_street, write_recording
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "python").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "docs" / "live.md", *sorted((ROOT / "docs" / "python").glob("*.md"))]
 TEXTS = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASES.md", "STYLE.md")]
 TEXTS += sorted((ROOT / "docs").rglob("*.md"))
 CODE = ("python", "tests", "crates", "scripts", "benchmarks", "examples", "docs")
@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def segmenter_by_colour(monkeypatch):
     """The drawn cars are found by their colours, whatever network a page names: pages need no recordings."""
-    for room in ("meshslam.runs.perception", "meshslam.perception.frame_perception"):
+    for room in ("meshslam.runs.perception", "meshslam.perception.frame_perception", "meshslam.live.slam"):
         monkeypatch.setattr(f"{room}.load_segmenter", lambda *_, **__: ColourSegmenter())
 
 
