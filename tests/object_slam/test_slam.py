@@ -172,7 +172,9 @@ def test_without_refinement_the_map_is_the_graphs(drive, seen, scene):
     plain, fitted = slammed(drive, seen, refine_map=False), slammed(drive, seen)
     assert len(plain.map) >= 3
     assert any("refine_map is false" in note for note in plain.notes)
-    assert plain.trajectory.world_from_camera[-1].matrix == pytest.approx(fitted.trajectory.world_from_camera[-1].matrix)
+    assert plain.trajectory.world_from_camera[-1].matrix == pytest.approx(
+        fitted.trajectory.world_from_camera[-1].matrix
+    )
     for number, thing in plain.map.items():
         assert np.linalg.norm(thing.world_from_object.translation - scene[number].world_from_object.translation) < 0.6
         assert thing.pose_covariance is not None

@@ -29,6 +29,8 @@ from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
 from meshslam.sequences import Sequence, camera_yaml
 
+_KEPT_IMAGES_BYTES = 64 * 1024**2
+
 
 @dataclass(frozen=True, eq=False)
 class Begun:
@@ -53,7 +55,11 @@ def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrit
         try:
             if recording.index is not None:
                 recording.index.save(kept)
-            yield Begun(recording, run, _figures_there(recording, run, outlet) if run.is_complete else None)
+            yield Begun(
+                recording.with_kept_images(_KEPT_IMAGES_BYTES),
+                run,
+                _figures_there(recording, run, outlet) if run.is_complete else None,
+            )
         finally:
             remove_leftovers(out)
 

@@ -58,3 +58,42 @@ class ImageFiles:
     def part(self, indices: Items[int]) -> ImageFiles:
         """See ImageSource."""
         return ImageFiles(tuple(self.paths[i] for i in indices), self.bits)
+
+
+class KeptImages:
+    """Another source's images; the first ones that are read are kept, up to so many bytes, and are not to be changed.
+
+    The stages of a run look at all images in their order, one stage after the other: what is kept last would be of no use.
+    """
+
+    def __init__(self, source: ImageSource, max_bytes: int) -> None:
+        self.source, self._max_bytes, self._bytes = source, max_bytes, 0
+        self._kept: dict[int, Bytes] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """See ImageSource."""
+        return self.source.names
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def read(self, index: int, size: tuple[int, int] | None) -> Bytes:
+        """See ImageSource."""
+        kept = self._kept.get(index)
+        if kept is not None and size in (None, (kept.shape[1], kept.shape[0])):
+            return kept
+        image = self.source.read(index, size)
+        if self._bytes + image.nbytes <= self._max_bytes and kept is None:
+            image.flags.writeable = False
+            self._kept[index] = image
+            self._bytes += image.nbytes
+        return image
+
+    def digests(self) -> tuple[str, ...]:
+        """See ImageSource."""
+        return self.source.digests()
+
+    def part(self, indices: Items[int]) -> KeptImages:
+        """See ImageSource."""
+        return KeptImages(self.source.part(indices), self._max_bytes)

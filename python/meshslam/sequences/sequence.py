@@ -11,7 +11,7 @@ from typing import Protocol
 from meshslam.errors import SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.sequences.distortion import Distortion
-from meshslam.sequences.image_source import ImageFiles, ImageSource
+from meshslam.sequences.image_source import ImageFiles, ImageSource, KeptImages
 from meshslam.sequences.pose_matching import all_or_some
 
 
@@ -96,7 +96,12 @@ class Sequence:
     @property
     def image_paths(self) -> tuple[Path, ...] | None:
         """The images' files, where they are files of their own."""
-        return self.images.paths if isinstance(self.images, ImageFiles) else None
+        source = self.images.source if isinstance(self.images, KeptImages) else self.images
+        return source.paths if isinstance(source, ImageFiles) else None
+
+    def with_kept_images(self, max_bytes: int) -> Sequence:
+        """The same, decoding each image once while all of them need no more bytes."""
+        return self if self.images is None else replace(self, images=KeptImages(self.images, max_bytes))
 
     def with_poses_only(self) -> Sequence:
         """The frames whose pose is known; the sequence itself where all have one or none has."""
