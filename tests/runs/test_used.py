@@ -127,6 +127,8 @@ RUNS = {
         {"name": "full", "slam": GRADIENT, "tracking": {"tracker": "paper"}},
         {"name": "colour", "segmenter": "colour"},
         {"name": "colour", "segmenter": "net.onnx"},
+        {"name": "full", "live": {"enabled": True, "rate": 4.0}},
+        {"name": "colour", "segmenter": "net.onnx", "live": {"enabled": True}},
     ),
     "detect": ({"name": "colour", "segmenter": "colour"}, {"name": "colour", "segmenter": "net.onnx"}),
 }

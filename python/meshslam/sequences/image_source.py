@@ -63,7 +63,7 @@ class ImageFiles:
 class KeptImages:
     """Another source's images; the first ones that are read are kept, up to so many bytes, and are not to be changed.
 
-    The stages of a run look at all images in their order, one stage after the other: what is kept last would be of no use.
+    The stages of a run look at all images in their order, one stage after the other: the last would not help.
     """
 
     def __init__(self, source: ImageSource, max_bytes: int) -> None:
