@@ -1,6 +1,7 @@
 """SLAM beside a camera that does not wait: every frame has a pose in time, and what is late or broken is counted."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -217,3 +218,25 @@ def test_a_replay_gives_everything_by_its_clock(begin, drive, seen):
     assert [pose.frame for pose in told] == list(range(len(drive) - len(told), len(drive)))
     assert len(told) >= 5  # a loaded machine's first update takes long
     assert max(pose.latency_s for pose in told) < 1.0
+
+
+def test_a_start_waits_for_detections_that_come_late(begin, drive, seen):
+    run = begin(start=None, config=SOON, live=LiveConfig(deadline_s=20.0, pending_frames=50, start_step_s=0.0))
+    by_frame, process = seen.by_frame(), run._slam.process_live
+
+    def held_back(frame, imu, features, late):
+        """Nothing of the first second is seen before its end is over."""
+        if frame.number <= 10:
+            return process(type(frame)(frame.number, frame.time_s, None), imu, features, {})
+        early = {number: by_frame[number] for number in range(11)} if frame.number == 11 else late
+        return process(frame, imu, features, early)
+
+    run._slam.process_live = held_back
+    run._slam._setup = replace(run._slam._setup, slam=replace(run._slam._setup.slam, lag_s=4.0))
+    unknown = run._slam._setup.estimation.unknown_start
+    patient = replace(run._slam._setup.estimation, unknown_start=replace(unknown, settling_s=1.25))
+    run._slam._setup = replace(run._slam._setup, estimation=patient)
+    feed(run, drive, by_frame, range(len(drive)))
+    run.close()
+    assert run.counts.starts_failed == 0
+    assert run.poses[-1].world_from_camera is not None

@@ -253,7 +253,7 @@ class Slam:
             if features is not None:
                 self._features().put(features)
             self._see_late(late)
-            return self._taken(frame, None, None, None, late)
+            return self._taken(frame, None, None, None, late, is_patient=True)
 
     def observe_late(self, late: Mapping[int, tuple[Detection, ...]]) -> None:
         """Take in detections of frames that were processed, by number; those that have left the window are kept only.
@@ -296,6 +296,8 @@ class Slam:
         odometry: Pose | None,
         progress: Progress | None,
         late: Mapping[int, tuple[Detection, ...]] | None = None,
+        *,
+        is_patient: bool = False,
     ) -> SlamState:
         if odometry is not None:
             self._odometry.append(odometry)
@@ -306,20 +308,27 @@ class Slam:
         if self._estimator is not None:
             reached = self._step(frame, late)
         else:
-            self._wait(frame, late)
+            self._wait(frame, late, is_patient=is_patient)
             reached = self._begin(progress) if self._suffices() else self._waiting_state()
         pose = reached.world_from_camera
         if pose is not None and not np.isfinite(pose.matrix).all():
             raise SequenceError(f"frame {frame.number}: the pose is not finite: what it brought was left out again")
         return replace(reached, notes=self._stream.notes)
 
-    def _wait(self, frame: StreamFrame, late: Mapping[int, tuple[Detection, ...]] | None) -> None:
-        """Take in a frame before SLAM has started: the search of a start goes on with it."""
+    def _wait(self, frame: StreamFrame, late: Mapping[int, tuple[Detection, ...]] | None, *, is_patient: bool) -> None:
+        """Take in a frame before SLAM has started: the search of a start goes on with it.
+
+        `is_patient`: detections come late, so that a rough start that fails is tried again with the next frames.
+        """
         self._waiting.append(frame)
         if self._settling is not None:
             self._settling.settling.take(frame.number, frame.time_s, self._samples(), frame.detections, late)
         elif self._first_seconds().suffice_for_rough_start():
-            self._settling = self._first_seconds().settling(self._fresh)
+            try:
+                self._settling = self._first_seconds().settling(self._fresh)
+            except SequenceError:
+                if not is_patient or self._suffices():
+                    raise
 
     def _fresh(self, setup: SlamSetup) -> SlamEstimator:
         return SlamEstimator(setup, self._motion(), self._image_features)
