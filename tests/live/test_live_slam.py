@@ -226,9 +226,9 @@ def test_a_start_waits_for_detections_that_come_late(begin, drive, seen):
 
     def held_back(frame, imu, features, late):
         """Nothing of the first second is seen before its end is over."""
-        if frame.number <= 10:
+        if frame.number <= 11:
             return process(type(frame)(frame.number, frame.time_s, None), imu, features, {})
-        early = {number: by_frame[number] for number in range(11)} if frame.number == 11 else late
+        early = {number: by_frame[number] for number in range(12)} if frame.number == 12 else late
         return process(frame, imu, features, early)
 
     run._slam.process_live = held_back
