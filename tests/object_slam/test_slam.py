@@ -86,7 +86,11 @@ def test_looking_at_the_map_changes_nothing(drive, told, items):
     for item in items:
         one, other = looked.process(**item), not_looked.process(**item)
         assert (one.world_from_camera.matrix == other.world_from_camera.matrix).all()
-        looked.map()
+        known, quick = looked.map(), looked.map(covariances=False)
+        assert [*known] == [*quick]
+        for number in known:
+            assert (known[number].vertices_in_world == quick[number].vertices_in_world).all()
+            assert quick[number].covariance is None
         looked.camera_covariance()
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
     from meshslam.localization.localizer import Localizer, LocalizerSettings
     from meshslam.localization.map_models import KnownObject, known_objects
-    from meshslam.localization.sequence import Localization, localize_sequence
+    from meshslam.localization.sequence import Localization, LocalizedFrame, localize_sequence
     from meshslam.localization.stream import Stream
 else:
     __getattr__ = deferred(
@@ -27,7 +27,7 @@ else:
             "gradient_estimator": "CameraLoss camera_loss descend descend_camera per_pixel",
             "localizer": "Localizer LocalizerSettings",
             "map_models": "KnownObject known_objects",
-            "sequence": "Localization localize_sequence",
+            "sequence": "Localization LocalizedFrame localize_sequence",
             "stream": "Stream",
         },
     )
@@ -42,6 +42,7 @@ __all__ = [
     "Localization",
     "LocalizationConfig",
     "LocalizationEstimator",
+    "LocalizedFrame",
     "Localizer",
     "LocalizerSettings",
     "Stream",

@@ -147,6 +147,11 @@ class GradientEstimator:
         return self._update(frame, state, interval.angular_rate_rad_s, detections, has_gap=interval.has_gap)
 
     @property
+    def camera_covariance(self) -> Floats | None:
+        """None: descent gives no uncertainty."""
+        return None
+
+    @property
     def current_mounting(self) -> Mounting:
         """How the camera is mounted: as given."""
         return self.mounting

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from meshslam.geometry import Pose, log_so3
+from meshslam.geometry import Floats, Pose, log_so3
 from meshslam.initialization import (
     EstimationConfig,
     FirstFrames,
@@ -46,6 +46,10 @@ class PathEstimator(Protocol):
     def current_mounting(self) -> Mounting:
         """How the camera is mounted."""
 
+    @property
+    def camera_covariance(self) -> Floats | None:
+        """Covariance (6, 6) of the newest world_from_camera; None where the solver knows no uncertainty."""
+
     def estimate(self) -> PathEstimate | None:
         """What is known of each frame beside its pose; None where the solver knows no uncertainty."""
 
@@ -54,6 +58,16 @@ class PathEstimator(Protocol):
 
 
 SOLVERS: dict[str, Callable[..., PathEstimator]] = {"smoother": LocalizationEstimator, "gradient": GradientEstimator}
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizedFrame:
+    """A frame as it was localized when it was processed."""
+
+    index: int  # in the sequence
+    world_from_camera: Pose  # in the map's world
+    covariance: Floats | None  # (6, 6) of it, right perturbation, (translation, rotation), m and rad
+    object_of_detection: dict[int, int]  # detections that were used, and the map's object that each shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +92,12 @@ def localize_sequence(
     estimation: EstimationConfig,
     config: LocalizationConfig,
     progress: Callable[[str, int, int], None] | None = None,
+    on_frame: Callable[[LocalizedFrame], None] | None = None,
 ) -> Localization:
-    """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it."""
+    """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it.
+
+    `on_frame` is called with each frame once it is localized.
+    """
     imu, imu_from_camera = check_imu(sequence, estimation.imu)
     level = level_from_world(sequence, imu, imu_from_camera)
     sequence, objects = moved_sequence(sequence, level), known_objects(moved_map(scene, level))
@@ -105,6 +123,9 @@ def localize_sequence(
             reports.append(estimator.process(frame, float(sequence.times_s[index]), imu, found))
         if progress is not None:
             progress("localize", index + 1, len(sequence))
+        if on_frame is not None:
+            report, covariance = reports[-1], estimator.camera_covariance
+            on_frame(LocalizedFrame(index, back @ report.corrected, covariance, report.object_of_detection))
     ids: dict[int, int | None] = {d.id: None for d in detections.detections}
     for report in reports:
         ids.update(report.object_of_detection)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -68,21 +68,27 @@ def map_objects(
     starts: Mapping[int, Pose] | None = None,
     fixed_tracks: bool = False,
     progress: Progress | None = None,
+    on_objects: Callable[[list[MapObject]], None] | None = None,
 ) -> ObjectMapping:
     """Estimate pose and shape of every parked object of `category` that the tracks show.
 
     `starts`: where objects of some tracks are known to stand, so that no start is searched for. `fixed_tracks`: track
     ids were given, so that no two are joined. Objects that move, are seen too little or do not
-    fit their masks are left out, with the reason.
+    fit their masks are left out, with the reason. `on_objects` is called with all objects as they are known, after each
+    object of the first pass and after each further pass.
     """
     tracked, scene = detections, make_scene(frames, detections, category, objects, use_ground=config.use_ground)
     tracks, left_out = usable_tracks(frames, detections, category.name, config, objects.min_view_box_px)
 
+    def tell(work: list[Work]) -> None:
+        if on_objects is not None:
+            on_objects([_object_so_far(w, scene) for w in work])
+
     occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
     if objects.solver == "gradient":
-        work = each("descend", lambda t: by_gradient(t, scene, occluders), tracks, progress)
+        work = each("descend", lambda t: by_gradient(t, scene, occluders), tracks, progress, tell)
         return _mapping(work, left_out, detections, tracked, scene, config, progress)
-    work = each("initialize", lambda t: first_pass(t, scene, occluders, known.get(t.id)), tracks, progress)
+    work = each("initialize", lambda t: first_pass(t, scene, occluders, known.get(t.id)), tracks, progress, tell)
     scene = with_noise_of(scene, work) if config.estimate_noise else scene
     work = each("fit", lambda w: fit_again(w, scene), work, progress)
     work, gone = without_unfit(
@@ -91,12 +97,15 @@ def map_objects(
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
+    tell(work)
 
     for number in range(1, config.passes):
         placed = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame(), _placed(work, scene))
         again = partial(next_pass, scene=scene, earlier=occluders, occluders=placed)
         work, occluders = each(f"refine {number}", again, work, progress), placed
+        tell(work)
     work = each("shape", lambda w: Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
+    tell(work)
     return _mapping(work, left_out, detections, tracked, scene, config, progress)
 
 
@@ -145,6 +154,12 @@ def _placed(work: list[Work], scene: Scene) -> dict[int, Placed]:
         w.observed.track.id: Placed(w.found.state.world_from_object, scene.model.vertices(w.found.state), faces)
         for w in work
     }
+
+
+def _object_so_far(work: Work, scene: Scene) -> MapObject:
+    """Pose and mesh of an object that is not finished; of their uncertainty nothing is known yet."""
+    mesh, track = centred(scene.model, work.found.state), work.observed.track
+    return MapObject(track.id, scene.category.name, mesh.world_from_object, mesh.vertices, scene.model.faces)
 
 
 def _map_object(work: Work, scene: Scene) -> MapObject:

@@ -41,8 +41,17 @@ class Work:
     found: Reconstruction
 
 
-def each(step: str, work: Callable[[Given], Made], items: Iterable[Given], progress: Progress | None) -> list[Made]:
-    """Do one thing for every item, side by side; the result's order is the items'."""
+def each(
+    step: str,
+    work: Callable[[Given], Made],
+    items: Iterable[Given],
+    progress: Progress | None,
+    on_made: Callable[[list[Made]], None] | None = None,
+) -> list[Made]:
+    """Do one thing for every item, side by side; the result's order is the items'.
+
+    `on_made` is called with all results so far whenever there is one more.
+    """
     listed = list(items)
     made: list[Made] = []
     with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
@@ -50,6 +59,8 @@ def each(step: str, work: Callable[[Given], Made], items: Iterable[Given], progr
             made.append(result)
             if progress is not None:
                 progress(step, len(made), len(listed))
+            if on_made is not None:
+                on_made(made)
     return made
 
 

@@ -9,7 +9,7 @@ from functools import partial
 
 from meshslam.categories import Category
 from meshslam.errors import SequenceError
-from meshslam.geometry import Pose
+from meshslam.geometry import Bytes, Pose
 from meshslam.initialization import Path, moved_path, world_from_levelled
 from meshslam.mapping import ObjectMapping, map_objects
 from meshslam.maps import CameraPath, Trajectory
@@ -22,6 +22,7 @@ from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
 
 Progress = Callable[[str, int, int], None]
+OnState = Callable[[SlamState, Bytes | None, Slam], None]  # state, image and run, when a frame was taken in
 
 
 def slam_sequence(
@@ -32,14 +33,16 @@ def slam_sequence(
     progress: Progress | None = None,
     *,
     fixed_tracks: bool = False,
+    on_state: OnState | None = None,
 ) -> SlamResult:
     """Estimate cameras and objects together, frame by frame, then smooth all of it; the detections carry tracks.
 
-    `fixed_tracks`: track ids were given, so that no two are joined. SequenceError in clear words where nothing moves
+    `fixed_tracks`: track ids were given, so that no two are joined. `on_state` is called with each frame that was taken
+    in; the solver gradient takes none in but the first ones. SequenceError in clear words where nothing moves
     the camera, or nothing tells how it starts.
     """
     solve = _SOLVERS[settings.slam.solver]
-    return solve(_checked(sequence, settings), detections, category, settings, progress, fixed_tracks)
+    return solve(_checked(sequence, settings), detections, category, settings, progress, fixed_tracks, on_state)
 
 
 def _by_smoother(
@@ -49,10 +52,11 @@ def _by_smoother(
     settings: SlamSettings,
     progress: Progress | None,
     fixed_tracks: bool,
+    on_state: OnState | None,
 ) -> SlamResult:
     """The stream's estimator, fed with the sequence's frames."""
     slam = _stream(sequence, detections, category, settings)
-    for done, _ in enumerate(_fed(slam, sequence, detections, settings, progress), 1):
+    for done, _ in enumerate(_fed(slam, sequence, detections, settings, progress, on_state), 1):
         if progress is not None:
             progress("slam", done, len(sequence))
     result = slam.finish(
@@ -69,6 +73,7 @@ def _by_gradient(
     settings: SlamSettings,
     progress: Progress | None,
     fixed_tracks: bool,
+    on_state: OnState | None,
 ) -> SlamResult:
     """The paper's joint problem, from odometry alone and the objects that are mapped along it (paper, Sec. IV-D)."""
     if sequence.imu is None and settings.slam.poses != "odometry":
@@ -77,7 +82,7 @@ def _by_gradient(
             "poses (--poses odometry) are needed"
         )
     slam = _stream(sequence, detections, category, settings)
-    next(state for state in _fed(slam, sequence, detections, settings, progress) if state.is_started)
+    next(state for state in _fed(slam, sequence, detections, settings, progress, on_state) if state.is_started)
     first, name = path_alone(sequence, settings, slam.first_state, Pose.identity())
     objects = replace(settings.objects, solver="gradient")
 
@@ -142,7 +147,12 @@ def _stream(sequence: Sequence, detections: DetectionSet, category: Category, se
 
 
 def _fed(
-    slam: Slam, sequence: Sequence, detections: DetectionSet, settings: SlamSettings, progress: Progress | None
+    slam: Slam,
+    sequence: Sequence,
+    detections: DetectionSet,
+    settings: SlamSettings,
+    progress: Progress | None,
+    on_state: OnState | None,
 ) -> Iterator[SlamState]:
     """Feed the frames in their order; the IMU's samples come with the first."""
     by_frame, poses = detections.by_frame(), sequence.world_from_camera
@@ -152,7 +162,10 @@ def _fed(
         image = sequence.read_image(index) if sequence.images is not None else None
         odometry = poses[index] if by_odometry and poses is not None else None
         imu = sequence.imu if index == 0 else None
-        yield slam.process_tracked(frame, image=image, imu=imu, odometry=odometry, progress=progress)
+        state = slam.process_tracked(frame, image=image, imu=imu, odometry=odometry, progress=progress)
+        if on_state is not None:
+            on_state(state, image, slam)
+        yield state
 
 
 def world_of(sequence: Sequence, settings: SlamSettings, first_camera: Pose) -> Pose:

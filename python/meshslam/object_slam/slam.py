@@ -339,26 +339,26 @@ class Slam:
             return False
         return self._first_seconds().suffice()
 
-    def map(self) -> Map:
+    def map(self, *, covariances: bool = True) -> Map:
         """The objects as they are now: mesh, pose and its covariance; ids are tracks.
 
-        Meshes are the category's mean with its modes; `finish` fits them once more, with free form. SequenceError if
-        the graph gives no covariance.
+        Meshes are the category's mean with its modes; `finish` fits them once more, with free form. Without
+        `covariances`, which take most of the time, objects have none. SequenceError if the graph gives no covariance.
         """
         if self._estimator is None:
             return Map(())
         with unchanged_by_errors(self, f"{self._source}: no map"):
-            return self._mapped(self._estimator)
+            return self._mapped(self._estimator, covariances=covariances)
 
-    def _mapped(self, estimator: SlamEstimator) -> Map:
+    def _mapped(self, estimator: SlamEstimator, *, covariances: bool) -> Map:
         one = joined_tracks(estimator.landmarks, estimator.joined)
         latest = {one.get(m.track, m.track): m for m in estimator.landmarks.values() if not m.moves}
-        covariances = estimator.landmark_covariances()
+        known = estimator.landmark_covariances() if covariances else {}
         to_map = estimator.odometry_frame.map_from_odometry
         things = []
         for track, mark in latest.items():
             pose = to_map @ mark.world_from_object if mark.in_map is None else mark.in_map
-            things.append(self._map_object(track, mark, pose, mark.z, covariances[mark.number]))
+            things.append(self._map_object(track, mark, pose, mark.z, known.get(mark.number)))
         return Map(tuple(things))
 
     def trajectory(self) -> Trajectory:
@@ -631,7 +631,9 @@ class Slam:
             )
         return self._estimator
 
-    def _map_object(self, number: int, mark: Landmark, pose: Pose, modes: Floats, covariance: Floats) -> MapObject:
+    def _map_object(
+        self, number: int, mark: Landmark, pose: Pose, modes: Floats, covariance: Floats | None
+    ) -> MapObject:
         setup = self._setup
         vertices = setup.model.vertices(replace(setup.model.state_at(pose), z=modes))
         keypoints = setup.category.keypoints(vertices)
