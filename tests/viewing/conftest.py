@@ -87,6 +87,7 @@ def context(camera, path, cars, detections, car, rng):
         camera=camera,
         frame_ids=tuple(range(len(path))),
         world_from_camera=path,
+        times_s=10.0 + 0.1 * np.arange(len(path)),
         detections=detections,
         map=cars,
         read_image=lambda index: np.roll(image, index, axis=1),

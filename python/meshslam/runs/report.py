@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from meshslam.categories import load_category
 from meshslam.geometry import Floats, Pose
-from meshslam.maps import CameraPath, Map, RunDirectory
+from meshslam.maps import CameraPath, Map, RunDirectory, TrajectoryEstimate
 from meshslam.perception import DetectionSet
 from meshslam.runs.clock import REPORT, Clock
 from meshslam.sequences import Sequence
@@ -37,13 +37,15 @@ def save_map_report(
     run: RunDirectory,
     clock: Clock,
     other_paths: Paths | None = None,
+    estimate: TrajectoryEstimate | None = None,
 ) -> dict[str, float]:
     """The report of a map that was made; the figures with all times and the memory, the report's too."""
     mean = load_category(category).vertices
     stages = {number: (steps.start.world_from_object, mean) for number, steps in mapping.stages.items()}
     left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
     path, seen = frames.world_from_camera, mapping.detections
-    return _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages, clock)
+    known = None if estimate is None else estimate.covariances
+    return _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages, clock, known)
 
 
 def save_localization_report(
@@ -58,7 +60,8 @@ def save_localization_report(
     """The report of a path in a map that was given; the figures as for a map."""
     moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
     path, seen = result.world_from_camera, result.detections
-    return _save(recording, path, seen, scene, moved, figures, run, other_paths, {}, clock)
+    known = None if result.estimate is None else result.estimate.covariances
+    return _save(recording, path, seen, scene, moved, figures, run, other_paths, {}, clock, known)
 
 
 def _save(
@@ -72,6 +75,7 @@ def _save(
     other_paths: Paths,
     stages: dict[int, tuple[Pose, Floats]],
     clock: Clock,
+    covariances: Floats | None,
 ) -> dict[str, float]:
     """Write report.html, and recording.rrd where the Rerun SDK is installed."""
     began_s = time.perf_counter()
@@ -87,12 +91,14 @@ def _save(
         camera=recording.camera,
         frame_ids=recording.frame_ids,
         world_from_camera=world_from_camera,
+        times_s=recording.times_s,
         read_image=recording.read_image if recording.images is not None else None,
         detections=detections,
         map=scene,
         left_out=tuple(left_out),
         other_paths=other_paths,
         stages=stages,
+        covariances=covariances,
         charts=_charts(world_from_camera, scene, other_paths, figures, run),
     )
     if can_record():

@@ -10,12 +10,16 @@ if TYPE_CHECKING:
     from meshslam.viewing.context import ReportContext
     from meshslam.viewing.from_above import birds_eye, footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
+    from meshslam.viewing.mcap_log import McapLog, can_write_mcap
     from meshslam.viewing.mesh_drawing import mesh_picture
+    from meshslam.viewing.opened_log import LogTargets, OpenedLog, open_run_log
     from meshslam.viewing.overlay import draw_overlay
     from meshslam.viewing.overview import figure_rows, overview_page
     from meshslam.viewing.path_charts import iterations_chart, lines_from_above, path_chart
-    from meshslam.viewing.recording import can_record, write_recording
+    from meshslam.viewing.recording import log_finished_run, write_recording
     from meshslam.viewing.report import write_report
+    from meshslam.viewing.rerun_log import RerunLog, can_record
+    from meshslam.viewing.run_log import Colouring, RunLog
 else:
     __getattr__ = deferred(
         __name__,
@@ -25,20 +29,31 @@ else:
             "context": "ReportContext",
             "from_above": "birds_eye footprint",
             "markup": "jpeg_uri number table text",
+            "mcap_log": "McapLog can_write_mcap",
             "mesh_drawing": "mesh_picture",
+            "opened_log": "LogTargets OpenedLog open_run_log",
             "overlay": "draw_overlay",
             "overview": "figure_rows overview_page",
             "path_charts": "iterations_chart lines_from_above path_chart",
-            "recording": "can_record write_recording",
+            "recording": "log_finished_run write_recording",
             "report": "write_report",
+            "rerun_log": "RerunLog can_record",
+            "run_log": "Colouring RunLog",
         },
     )
 
 __all__ = [
+    "Colouring",
     "Line",
+    "LogTargets",
+    "McapLog",
+    "OpenedLog",
     "ReportContext",
+    "RerunLog",
+    "RunLog",
     "birds_eye",
     "can_record",
+    "can_write_mcap",
     "category_page",
     "category_png",
     "draw_overlay",
@@ -48,8 +63,10 @@ __all__ = [
     "jpeg_uri",
     "line_charts",
     "lines_from_above",
+    "log_finished_run",
     "mesh_picture",
     "number",
+    "open_run_log",
     "overview_page",
     "path_chart",
     "table",

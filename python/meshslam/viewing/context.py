@@ -26,6 +26,7 @@ class ReportContext:
     camera: Camera
     frame_ids: tuple[int, ...]
     world_from_camera: tuple[Pose, ...]
+    times_s: Floats  # (n,)
     detections: DetectionSet
     map: Map
     read_image: ReadImage | None = None  # None: meshes and masks on an empty ground
@@ -33,6 +34,7 @@ class ReportContext:
     metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     other_paths: Mapping[str, tuple[Pose, ...]] = field(default_factory=lambda: MappingProxyType({}))  # by name
     stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices
+    covariances: Floats | None = None  # (n, 6, 6) of world_from_camera, right perturbation, (translation, rotation)
     charts: tuple[tuple[str, bytes], ...] = ()  # captions and PNG files
 
     def __post_init__(self) -> None:

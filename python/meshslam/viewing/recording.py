@@ -1,46 +1,31 @@
-"""The run as a recording for the Rerun viewer; needs the extra `rerun`."""
+"""A finished run, told to a log: the same for the run directory's recording and for the end of a live one."""
 
 from __future__ import annotations
 
-import importlib.util
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from meshslam.maps import object_colour
+from meshslam.geometry import Pose
 from meshslam.viewing.context import ReportContext
+from meshslam.viewing.rerun_log import RerunLog
+from meshslam.viewing.run_log import RunLog
 
 
-def can_record() -> bool:
-    """Whether the Rerun SDK is installed."""
-    return importlib.util.find_spec("rerun") is not None
+def log_finished_run(log: RunLog, context: ReportContext, world_from_live: Pose | None = None) -> None:
+    """Tell map and path, then each frame with its image, its tracked detections and the map's meshes in its view."""
+    path, covariances = context.world_from_camera, context.covariances
+    log.result(context.map, context.frame_ids, context.times_s, path, covariances, world_from_live)
+    for index, (frame, pose) in enumerate(zip(context.frame_ids, path, strict=True)):
+        image = None if context.read_image is None else partial(context.read_image, index)
+        covariance = None if covariances is None else covariances[index]
+        log.frame(frame, float(context.times_s[index]), pose, covariance, image, context.found_at(index))
 
 
 def write_recording(context: ReportContext, path: Path) -> None:
-    """Write path, camera and meshes to `path` (.rrd): one frame a step of the timeline `frame`."""
-    import rerun as rr  # slow to import, and an extra
-
-    stream = rr.RecordingStream("meshslam", recording_id=context.title)
-    stream.save(str(path))
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for thing in context.map.objects:
-        vertices = thing.world_from_object.transform(thing.vertices)
-        mesh = rr.Mesh3D(
-            vertex_positions=vertices,
-            triangle_indices=thing.faces,
-            vertex_colors=np.tile(object_colour(thing.id), (len(vertices), 1)),
-        )
-        stream.log(f"world/{thing.category}_{thing.id}", mesh, static=True)
-    centres = np.array([pose.translation for pose in context.world_from_camera])
-    stream.log("world/path", rr.LineStrips3D([centres]), static=True)
-    camera = context.camera
-    for index, (frame, pose) in enumerate(zip(context.frame_ids, context.world_from_camera, strict=True)):
-        stream.set_time("frame", sequence=frame)
-        stream.log("world/camera", rr.Transform3D(translation=pose.translation, mat3x3=pose.rotation))
-        lens = rr.Pinhole(image_from_camera=camera.matrix, width=camera.width, height=camera.height)
-        stream.log("world/camera/image", lens)
-        if context.read_image is not None:
-            picture = rr.Image(context.read_image(index), color_model="BGR").compress(jpeg_quality=80)
-            stream.log("world/camera/image", picture)
-    stream.flush()
-    stream.disconnect()
+    """Write a finished run for the Rerun viewer (.rrd); ConfigError if the file cannot be written."""
+    log = RerunLog(path, recording_id=context.title)
+    try:
+        log.begin(context.title, context.camera)
+        log_finished_run(log, context)
+    finally:
+        log.close()
