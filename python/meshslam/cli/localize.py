@@ -23,8 +23,10 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
+from meshslam.cli.viewers import Viewers, takes_viewers
 
 
+@takes_viewers
 @takes_recording
 def localize(
     sequence: SequenceFolder = None,
@@ -44,6 +46,7 @@ def localize(
     json: AsJson = False,
     *,
     recording: Any,  # noqa: ANN401 # settings of `input`
+    viewers: Viewers,
 ) -> None:
     """Find the camera of every frame in a map of meshes, by IMU, masks and key points.
 
@@ -70,7 +73,8 @@ def localize(
     settings = with_keypoint_network(settings, keypoints)
     if solver is not None:
         settings = overlaid(settings, {"localization": {"solver": solver}}, "--solver")
-    with run_outlet() as outlet:
-        figures = run_localize(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
-    show_figures(figures, out, as_json=json)
+    with viewers.opened(out, overwrite=overwrite) as log:
+        with run_outlet(log) as outlet:
+            figures = run_localize(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
+        show_figures(figures, out, as_json=json)
     end_without(figures["views_used"])

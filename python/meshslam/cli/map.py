@@ -24,8 +24,10 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
+from meshslam.cli.viewers import Viewers, takes_viewers
 
 
+@takes_viewers
 @takes_recording
 def map_(
     sequence: SequenceFolder = None,
@@ -45,6 +47,7 @@ def map_(
     json: AsJson = False,
     *,
     recording: Any,  # noqa: ANN401 # settings of `input`
+    viewers: Viewers,
 ) -> None:
     """Map a recording with known camera poses: every parked car with its pose and its own mesh.
 
@@ -72,7 +75,8 @@ def map_(
         settings = overlaid(settings, {"tracking": {"tracker": tracker}}, "--tracker")
     if solver is not None:
         settings = overlaid(settings, {"objects": {"solver": solver}}, "--solver")
-    with run_outlet() as outlet:
-        figures = run_map(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
-    show_figures(figures, out, as_json=json)
+    with viewers.opened(out, overwrite=overwrite) as log:
+        with run_outlet(log) as outlet:
+            figures = run_map(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
+        show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

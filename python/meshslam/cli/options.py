@@ -90,18 +90,25 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.
 
 def takes_recording(command: Callable[..., None]) -> Callable[..., None]:
     """A command whose parameter `recording` becomes the flags of `RECORDING`: it gets them as settings of `input`."""
+    return with_flags(command, "recording", RECORDING, _settings_of_flags)
+
+
+def with_flags(
+    command: Callable[..., None], parameter: str, hints: dict[str, Any], made: Callable[[dict[str, Any]], Any]
+) -> Callable[..., None]:
+    """A command whose `parameter` becomes the flags of `hints`; it gets what is made of their values."""
     own = inspect.signature(command, eval_str=True)
     flags = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=hint)
-        for name, hint in RECORDING.items()
+        for name, hint in hints.items()
         if name not in own.parameters  # slam has its own --poses
     ]
-    others = [p for p in own.parameters.values() if p.name != "recording"]
+    others = [p for p in own.parameters.values() if p.name != parameter]
 
     @functools.wraps(command)
     def taken(**given: Any) -> None:  # noqa: ANN401 # whatever the flags hold
-        recording = _settings_of_flags({flag.name: given.pop(flag.name) for flag in flags})
-        command(**given, recording=recording)
+        values = {flag.name: given.pop(flag.name) for flag in flags}
+        command(**given, **{parameter: made(values)})
 
     kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others]
     taken.__signature__ = own.replace(parameters=[*kept, *flags])  # type: ignore[attr-defined] # typer reads it

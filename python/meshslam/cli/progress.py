@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from meshslam.runs import Outlet
+from meshslam.viewing import RunLog
 
 
 class Bars:
@@ -40,7 +41,7 @@ def progress_bars() -> Iterator[Bars]:
 
 
 @contextmanager
-def run_outlet() -> Iterator[Outlet]:
-    """Bars and notes of a run on stderr while the block runs."""
+def run_outlet(log: RunLog | None = None) -> Iterator[Outlet]:
+    """Bars and notes of a run on stderr while the block runs; `log` is where the run is shown or kept."""
     with progress_bars() as bars:
-        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr))
+        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr), log)

@@ -24,8 +24,10 @@ from meshslam.cli.options import (
     with_input,
     with_keypoint_network,
 )
+from meshslam.cli.viewers import Viewers, takes_viewers
 
 
+@takes_viewers
 @takes_recording
 def slam(
     sequence: SequenceFolder = None,
@@ -58,6 +60,7 @@ def slam(
     json: AsJson = False,
     *,
     recording: Any,  # noqa: ANN401 # settings of `input`
+    viewers: Viewers,
 ) -> None:
     """Find camera path and cars together, from detections and IMU, or from images alone; poses are not needed.
 
@@ -96,7 +99,8 @@ def slam(
         )
     if solver is not None:
         settings = overlaid(settings, {"slam": {"solver": solver}}, "--solver")
-    with run_outlet() as outlet:
-        figures = run_slam(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
-    show_figures(figures, out, as_json=json)
+    with viewers.opened(out, overwrite=overwrite) as log:
+        with run_outlet(log) as outlet:
+            figures = run_slam(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
+        show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from meshslam.errors import MapError
 from meshslam.evaluation import evaluate_run
-from meshslam.localization import Localization, localize_sequence
+from meshslam.localization import Localization, LocalizedFrame, localize_sequence
 from meshslam.maps import Map, RunDirectory, Trajectory
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_map, judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_refused_views
+from meshslam.runs.logged_run import LoggedRun, log_run_directory
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import perceive
@@ -32,14 +34,26 @@ def localize_recording(
     """Judge, perceive, localize."""
     recording, findings = judge_recording(recording, poses=False, imu=True)
     say(findings + judge_map(scene, settings.input.map or "the map"), outlet)
+    logged = LoggedRun.begin(recording, outlet)
+    logged.objects(scene.objects)
     with clock.timing("perception"):
-        found = perceive(recording, settings, outlet, run).detections
+        found = perceive(recording, settings, outlet, run, logged.perceived).detections
     say(judge_sight(recording, found), outlet)
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, found):
         outlet.note(note)
+    by_frame = found.by_frame()
+
+    def on_frame(placed: LocalizedFrame) -> None:
+        frame = recording.frame_ids[placed.index]
+        shown = [replace(d, track_id=placed.object_of_detection.get(d.id)) for d in by_frame.get(frame, ())]
+        logged.estimated(frame, placed.world_from_camera, placed.covariance, shown, stage="localization")
+
     with clock.timing("localization"):
         given = (recording, found, scene, settings.estimation, settings.localization)
-        return localize_sequence(*given, outlet.progress)
+        result = localize_sequence(*given, outlet.progress, on_frame)
+    path = Trajectory(recording.times_s, result.world_from_camera)
+    logged.result(scene, path, result.detections, result.estimate)
+    return result
 
 
 def run_localize(
@@ -50,6 +64,8 @@ def run_localize(
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
     scene = Map.load(Path(settings.input.map), allow_outside=settings.input.allow_outside)
     with stages.begin("localize", settings, out, outlet, overwrite=overwrite) as begun:
+        if begun.figures is not None:
+            log_run_directory(begun, outlet, scene)
         return begun.figures or _localize_into(begun, scene, settings, outlet, clock or Clock())
 
 

@@ -15,6 +15,7 @@ from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_tracks, say
 from meshslam.runs.left_out import save_left_out_tracks
+from meshslam.runs.logged_run import LoggedRun, log_run_directory
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report
@@ -66,13 +67,15 @@ def map_recording(
     stages.need_poses(recording)
     recording, findings = judge_recording(recording, poses=True, imu=False)
     say(findings, outlet)
+    logged = LoggedRun.begin(recording, outlet, recording.world_from_camera)
     with clock.timing("perception"):
-        seen = perceive(recording, settings, outlet, run)
+        seen = perceive(recording, settings, outlet, run, logged.perceived)
     with clock.timing("tracking"):
         tracked = follow(recording, seen.detections, settings, outlet)
     say(judge_tracks(recording, tracked), outlet)
     with clock.timing("mapping"):
         frames = stages.camera_path(recording, tracked, settings, outlet)
+        logged.placed(tracked, frames.world_from_camera)
         mapping = map_objects(
             frames,
             tracked,
@@ -81,7 +84,9 @@ def map_recording(
             settings.mapping,
             fixed_tracks=seen.has_given_tracks,
             progress=outlet.progress,
+            on_objects=logged.objects if logged.is_on else None,
         )
+    logged.result(mapping.map, Trajectory(frames.times_s, frames.world_from_camera), mapping.detections)
     return Mapped(frames, mapping, clock)
 
 
@@ -90,6 +95,8 @@ def run_map(
 ) -> dict[str, float]:
     """Map, save, evaluate, report, into a run directory: what is there already is not done again."""
     with stages.begin("map", settings, out, outlet, overwrite=overwrite) as begun:
+        if begun.figures is not None:
+            log_run_directory(begun, outlet)
         return begun.figures or _map_into(begun, settings, outlet, clock or Clock())
 
 

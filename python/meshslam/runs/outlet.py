@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from meshslam.viewing import RunLog
+
 
 def _nothing(_step: str, _done: int, _total: int) -> None:
     return
@@ -12,10 +14,11 @@ def _nothing(_step: str, _done: int, _total: int) -> None:
 
 @dataclass(frozen=True)
 class Outlet:
-    """Progress and notes: the run calls, the command line prints, a program does as it likes."""
+    """Progress, notes and the log: the run calls, the command line prints, a program does as it likes."""
 
     progress: Callable[[str, int, int], None] = _nothing  # what is done, how many are done, of how many
     on_note: Callable[[str], None] | None = None  # called as soon as a note is known
+    log: RunLog | None = None  # where frames and objects are shown or kept while the run computes
     notes: list[str] = field(default_factory=list)  # all of them
 
     def note(self, text: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from collections.abc import Sequence as Rows
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from meshslam.maps import RunDirectory
 from meshslam.perception import (
     COLOUR,
     ColourSegmenter,
+    Detection,
     DetectionSet,
     KeypointFinder,
     Segmenter,
@@ -28,6 +31,8 @@ from meshslam.runs.frame_store import FrameStore, one_set
 from meshslam.runs.outlet import Outlet
 from meshslam.sequences import Sequence, turns
 
+OnFrame = Callable[[int, Rows[Detection], Bytes | None], None]
+
 
 @dataclass(frozen=True, eq=False)
 class Perceived:
@@ -37,10 +42,17 @@ class Perceived:
     has_given_tracks: bool  # every detection that is tracked had its track already
 
 
-def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirectory | None = None) -> Perceived:
+def perceive(
+    recording: Sequence,
+    config: Config,
+    outlet: Outlet,
+    run: RunDirectory | None = None,
+    on_frame: OnFrame | None = None,
+) -> Perceived:
     """Detections of a recording: its own file's, unless a network is named; with key points where there are images.
 
-    What a former run that was cut short has segmented is taken from its folder.
+    What a former run that was cut short has segmented is taken from its folder. `on_frame` is called with each frame
+    that a network has looked at: index, detections, and the image if it was read.
     """
     if config.input.segmenter is None and recording.detections_path is not None:
         if config.input.adapter is not None:
@@ -59,19 +71,21 @@ def perceive(recording: Sequence, config: Config, outlet: Outlet, run: RunDirect
     if run is None or by_colour(config):
         found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
     else:
-        found = look_at_frames(recording, config, outlet, FrameStore.of(run, recording, config))
+        found = look_at_frames(recording, config, outlet, FrameStore.of(run, recording, config), on_frame)
     unused = untracked(found, config.tracking.categories)
     if unused is not None:
         outlet.note(unused)
     return _perceived(found, config)
 
 
-def look_at_frames(recording: Sequence, config: Config, outlet: Outlet, store: FrameStore) -> DetectionSet:
+def look_at_frames(
+    recording: Sequence, config: Config, outlet: Outlet, store: FrameStore, on_frame: OnFrame | None = None
+) -> DetectionSet:
     """Segment every frame and find its key points, those that the store has not; what is done is kept there."""
     segmenter, finder = choose_segmenter(recording, config, outlet), _finder(recording, config)
     found: list[DetectionSet] = []
     for i, frame in enumerate(recording.frame_ids):
-        seen = store.load(frame)
+        seen, image = store.load(frame), None
         if seen is None:
             image = recording.read_image(i)
             seen = detect([(frame, image)], segmenter)
@@ -79,6 +93,8 @@ def look_at_frames(recording: Sequence, config: Config, outlet: Outlet, store: F
             store.save(frame, seen)
         found.append(seen)
         outlet.progress("segment", i + 1, len(recording))
+        if on_frame is not None:
+            on_frame(i, seen.detections, image)
     return one_set(found)
 
 

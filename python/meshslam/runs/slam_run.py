@@ -7,14 +7,16 @@ from pathlib import Path
 
 from meshslam.categories import load_category
 from meshslam.evaluation import evaluate_run
+from meshslam.geometry import Bytes
 from meshslam.maps import CameraPath, RunDirectory, Trajectory
-from meshslam.object_slam import SlamResult, slam_sequence
+from meshslam.object_slam import Slam, SlamResult, SlamState, slam_sequence
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.live_run import live_recording
+from meshslam.runs.logged_run import LoggedRun, log_run_directory
 from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
@@ -30,8 +32,9 @@ def slam_recording(
     category, by_odometry = load_category(settings.input.category), settings.slam.poses == "odometry"
     recording, findings = judge_recording(recording, poses=by_odometry, imu=not by_odometry)
     say(findings, outlet)
+    logged = LoggedRun.begin(recording, outlet)
     with clock.timing("perception"):
-        seen = perceive(recording, settings, outlet, run)
+        seen = perceive(recording, settings, outlet, run, logged.perceived)
     say([] if by_odometry else judge_sight(recording, seen.detections), outlet)
     for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, seen.detections):
         outlet.note(note)
@@ -39,10 +42,24 @@ def slam_recording(
         # known poses beyond the first are not for SLAM, unless they are its odometry
         blind = recording if by_odometry else replace(recording, world_from_camera=None)
         tracked = follow(blind, seen.detections, settings, outlet)
+    by_frame = tracked.by_frame()
+
+    def on_state(state: SlamState, image: Bytes | None, slam: Slam) -> None:
+        at = (state.frame, state.world_from_camera, state.camera_covariance, by_frame.get(state.frame, ()))
+        objects = slam.map(covariances=logged.wants_sigmas).objects
+        logged.estimated(*at, image=image, objects=objects, stage="slam")
+
     with clock.timing("localization"):
         result = slam_sequence(
-            recording, tracked, category, settings, outlet.progress, fixed_tracks=seen.has_given_tracks
+            recording,
+            tracked,
+            category,
+            settings,
+            outlet.progress,
+            fixed_tracks=seen.has_given_tracks,
+            on_state=on_state if logged.is_on else None,
         )
+    logged.result(result.map, result.trajectory, result.detections, result.estimate, result.world_from_graph)
     clock.move("localization", "mapping", result.refinement_s)
     for note in result.notes:
         outlet.note(note)
@@ -54,6 +71,8 @@ def run_slam(
 ) -> dict[str, float]:
     """SLAM, save, evaluate, report, into a run directory: what is there already is not done again."""
     with stages.begin("slam", settings, out, outlet, overwrite=overwrite) as begun:
+        if begun.figures is not None:
+            log_run_directory(begun, outlet)
         return begun.figures or _slam_into(begun, settings, outlet, clock or Clock())
 
 
@@ -78,5 +97,7 @@ def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clo
     by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
     figures |= paths_against_truth(recording, {**alone, **told, **by_iteration})
     drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
-    figures = save_map_report(recording, frames, result.mapping, settings.input.category, figures, run, clock, drawn)
+    figures = save_map_report(
+        recording, frames, result.mapping, settings.input.category, figures, run, clock, drawn, result.estimate
+    )
     return stages.end(begun, figures, outlet)
