@@ -116,3 +116,20 @@ def test_a_run_that_is_there_is_told_from_its_folder(runs, name):
         assert [d.track_id for d in one[5]] == [d.track_id for d in other[5]]
         assert (one[3] is None) == (other[3] is None)
     assert set(again.results[0][0]) == set(first.results[0][0])
+
+
+def test_live_slam_tells_every_frame_and_its_result(runs):
+    root, found = runs
+    settings = overlaid(found["slam"][1], {"slam": {"poses": "none"}, "live": {"enabled": True}}, "test")
+    told = Told()
+    run_slam(settings, root / "live", Outlet(log=told), overwrite=False)
+    live = [row for row in told.frames if not row[-1]]
+    assert [row[0] for row in live] == list(range(STREET.frames))
+    assert all(row[4] is not None and row[6]["latency"] >= 0 for row in live)
+    [(result, numbers, _, poses, *_)] = told.results
+    path = Trajectory.load(root / "live" / "trajectory.tum")
+    assert set(result) == set(Map.load(root / "live"))
+    assert [row[0] for row in told.frames if row[-1]] == list(numbers)
+    np.testing.assert_allclose(
+        [p.translation for p in poses], [p.translation for p in path.world_from_camera], atol=1e-6
+    )

@@ -100,9 +100,13 @@ def test_masks_and_meshes_are_in_the_pixels_of_the_image(finished, tmp_path):
     rows, camera = rows_of(file), finished.camera
     masks = {row["frame"]: row["SegmentationImage:buffer"][0] for row in rows["/world/camera/image/masks"]}
     drawn = np.frombuffer(bytes(masks[5]), np.uint16).reshape(camera.height, camera.width)
+    [context] = [row for row in rows["/world/camera/image"] if row.get("AnnotationContext:context")]
+    assert context["is_static"]  # viewers do not follow another kind
+    infos = [entry["class_description"]["info"] for entry in context["AnnotationContext:context"][0]]
+    colours = {(i["color"] >> 24, i["color"] >> 16 & 255, i["color"] >> 8 & 255): i["id"] for i in reversed(infos)}
     for detection in finished.found_at(5):
         inside = drawn[detection.mask() > 0]
-        assert (inside == detection.track_id + 1).mean() > 0.9  # nearer ones may lie over it
+        assert (inside == colours[tuple(object_colour(detection.track_id))]).mean() > 0.9  # nearer ones may lie over it
     [lens] = [row for row in rows["/world/camera/image"] if row.get("Pinhole:image_from_camera")]
     K = np.array(lens["Pinhole:image_from_camera"][0]).reshape(3, 3).T
     np.testing.assert_allclose(K[:2, 2], [camera.cx + 0.5, camera.cy + 0.5], atol=1e-4)  # centres at halves

@@ -223,10 +223,10 @@ class LiveSlam:
             return True
         return since_s >= live.busy_step_s and self._pending < live.max_pending_frames
 
-    def map(self) -> Map:
+    def map(self, *, covariances: bool = True) -> Map:
         """The objects as they are now, by any thread; see `Slam.map`. It waits for the frame that is being taken in."""
         with self._lock:
-            return self._slam.map()
+            return self._slam.map(covariances=covariances)
 
     @property
     def is_started(self) -> bool:

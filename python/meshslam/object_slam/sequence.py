@@ -38,8 +38,8 @@ def slam_sequence(
     """Estimate cameras and objects together, frame by frame, then smooth all of it; the detections carry tracks.
 
     `fixed_tracks`: track ids were given, so that no two are joined. `on_state` is called with each frame that was taken
-    in; the solver gradient takes none in but the first ones. SequenceError in clear words where nothing moves
-    the camera, or nothing tells how it starts.
+    in; the solver gradient takes none in but the first ones. SequenceError in clear words where nothing moves the
+    camera, or nothing tells how it starts.
     """
     solve = _SOLVERS[settings.slam.solver]
     return solve(_checked(sequence, settings), detections, category, settings, progress, fixed_tracks, on_state)

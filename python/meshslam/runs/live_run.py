@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from meshslam.categories import load_category
-from meshslam.errors import ConfigError, SequenceError
+from meshslam.errors import ConfigError, MeshslamError, SequenceError
 from meshslam.live import LivePose, LiveSlam, replay
 from meshslam.maps import Trajectory
 from meshslam.motion import check_imu, start_state
@@ -17,6 +20,7 @@ from meshslam.perception import DetectionSet, Segmenter, read_recorded_detection
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, say
+from meshslam.runs.logged_run import LoggedRun
 from meshslam.runs.notes import imu_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import choose_segmenter
@@ -24,6 +28,7 @@ from meshslam.sequences import Sequence
 
 _LEAST_SHARE = 0.2  # of frames that the network should reach
 _MOST_NOTES = 5
+_OBJECTS_STEP_S = 0.5  # in which a log is told the objects
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,14 @@ def live_recording(recording: Sequence, settings: Config, outlet: Outlet, clock:
         once = replace(settings, segmentation=replace(settings.segmentation, zoom=settings.live.zoom))
         segmenter = choose_segmenter(recording, once, outlet, threads=settings.live.network_threads)
     poses: list[LivePose] = []
+    logged, by_frame = LoggedRun.begin(recording, outlet), None if given is None else given.by_frame()
+
+    def on_pose(pose: LivePose) -> None:
+        poses.append(pose)
+        seen = () if by_frame is None else by_frame.get(pose.frame, ())
+        at = (pose.frame, pose.world_from_camera, pose.covariance, seen)
+        logged.estimated(*at, stage="latency", milliseconds=1e3 * pose.latency_s)
+
     assert recording.imu_from_camera is not None
     live = LiveSlam(
         recording.camera,
@@ -61,11 +74,10 @@ def live_recording(recording: Sequence, settings: Config, outlet: Outlet, clock:
         keypoint_names=None if given is None else given.keypoint_names(settings.input.category),
         config=settings,
         live=settings.live,
-        on_pose=poses.append,
+        on_pose=on_pose,
         source=str(recording.root),
     )
-    with clock.timing("live"), live:
-        by_frame = None if given is None else given.by_frame()
+    with clock.timing("live"), live, _objects_told(live, logged):
         replay(recording, live, settings.live.rate, by_frame, outlet.progress)
         live.close()
     notes = [note for pose in poses for note in pose.notes]
@@ -85,6 +97,8 @@ def live_recording(recording: Sequence, settings: Config, outlet: Outlet, clock:
     if len(found) < len(recording):
         outlet.note(f"{len(recording) - len(found)} frames before the first one that was taken in have no pose")
         recording, result = recording.part(found), replace(result, alone=tuple(alone[i] for i in found))
+    logged = replace(logged, recording=recording)
+    logged.result(result.map, result.trajectory, result.detections, result.estimate, result.world_from_graph)
     told = [(pose.time_s, pose.world_from_camera) for pose in poses if pose.world_from_camera is not None]
     world = result.world_from_graph
     path = Trajectory(np.array([time_s for time_s, _ in told]), tuple(world @ pose for _, pose in told))
@@ -104,6 +118,27 @@ def _checked(recording: Sequence, settings: Config, outlet: Outlet) -> Sequence:
     for note in imu_notes(recording, settings.estimation.imu):
         outlet.note(note)
     return recording
+
+
+@contextmanager
+def _objects_told(live: LiveSlam, logged: LoggedRun) -> Iterator[None]:
+    """Tell the log what the map is, now and then while the block runs: poses do not wait for it."""
+    ended = threading.Event()
+
+    def tell() -> None:
+        while not ended.wait(_OBJECTS_STEP_S):
+            with suppress(MeshslamError):  # what is wrong with the run, the run itself says
+                logged.objects(live.map(covariances=logged.wants_sigmas).objects)
+
+    teller = threading.Thread(target=tell, name="live objects", daemon=True)
+    if logged.is_on:
+        teller.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if logged.is_on:
+            teller.join()
 
 
 def _given_detections(recording: Sequence, settings: Config, outlet: Outlet) -> DetectionSet | None:

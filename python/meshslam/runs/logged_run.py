@@ -72,12 +72,13 @@ class LoggedRun:
         image: Bytes | None = None,
         objects: Rows[MapObject] | None = None,
         stage: str,
+        milliseconds: float | None = None,
     ) -> None:
-        """A frame's pose was estimated; `stage` names what took the time since the last frame."""
+        """A frame's pose was estimated; `stage` names what took `milliseconds`, or the time since the last frame."""
         if self.log is not None:
             index = self._index[frame]
             shown = self._image(index) if image is None else image
-            self._frame(index, pose, covariance, shown, found, objects, stage)
+            self._frame(index, pose, covariance, shown, found, objects, stage, milliseconds)
 
     def objects(self, objects: Rows[MapObject]) -> None:
         """All objects as they are known now."""
@@ -119,10 +120,12 @@ class LoggedRun:
         found: Rows[Detection],
         objects: Rows[MapObject] | None,
         stage: str | None,
+        milliseconds: float | None = None,
     ) -> None:
         assert self.log is not None
         now_s = time.perf_counter()
-        timings: Mapping[str, float] | None = None if stage is None else {stage: 1e3 * (now_s - self._last_s)}
+        took_ms = 1e3 * (now_s - self._last_s) if milliseconds is None else milliseconds
+        timings: Mapping[str, float] | None = None if stage is None else {stage: took_ms}
         self._last_s = now_s
         frame, time_s = self.recording.frame_ids[index], float(self.recording.times_s[index])
         self.log.frame(frame, time_s, pose, covariance, image, found, objects, timings)

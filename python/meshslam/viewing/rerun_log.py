@@ -19,11 +19,11 @@ from meshslam.maps import Map, MapObject, object_colour
 from meshslam.perception import Detection
 from meshslam.viewing.log_shapes import (
     KnownObjects,
-    detection_colour,
     mesh_outlines,
     position_ellipsoids,
     vertex_colours,
 )
+from meshslam.viewing.overlay import UNMAPPED_RGB
 from meshslam.viewing.run_log import Colouring, LoggedImage
 
 WEB_PORT, GRPC_PORT = 9090, 9876  # Rerun's own; others are taken where these are in use
@@ -34,7 +34,8 @@ BEHIND_M = 10.0  # of the start, from where the result is looked at
 IMAGE_PLANE_M = 1.5  # distance of the image in the 3-D view
 PATH_RGB, LIVE_PATH_RGB = (235, 110, 20), (60, 140, 235)
 PATH_RADIUS_M = 0.05
-UNTRACKED = 65535  # class of masks that are on no track
+UNTRACKED = 1  # class of masks that are on no track; tracks have the classes above
+TRACKS = 4096  # that have a class of their own
 LONGEST_DURATION_S = 1e8  # times above are those of a clock that began in 1970
 CAMERA, IMAGE, LIVE = "world/camera", "world/camera/image", "world/live"
 
@@ -98,6 +99,7 @@ class RerunLog:
         except (RuntimeError, OSError, ValueError) as error:
             raise ConfigError(f"{self._file}: cannot be written: {' '.join(str(error).split())}") from None
         self._camera = camera
+        self._static(IMAGE, _classes())
         self._stream.send_recording_name(title)
         self._stream.send_blueprint(_blueprint())
         self._static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -230,13 +232,8 @@ class RerunLog:
 
         assert self._camera is not None
         classes = np.zeros((self._camera.height, self._camera.width), np.uint16)
-        known = {0: rr.AnnotationInfo(0, "", (0, 0, 0, 0))}
         for detection in sorted(detections, key=lambda d: -d.bbox[2] * d.bbox[3]):  # small ones stay visible
-            number = _class_of(detection)
-            classes[detection.mask() > 0] = number
-            label = f"{detection.category} {detection.track_id}" if number != UNTRACKED else "on no track"
-            known[number] = rr.AnnotationInfo(number, label, detection_colour(detection).tolist())
-        self._stream.log(IMAGE, rr.AnnotationContext(list(known.values())))  # of this frame: few
+            classes[detection.mask() > 0] = _class_of(detection)
         self._stream.log(f"{IMAGE}/masks", rr.SegmentationImage(classes, opacity=MASK_OPACITY))
 
     def _log_outlines(self, world_from_camera: Pose) -> None:
@@ -265,9 +262,17 @@ def _name(thing: MapObject) -> str:
 
 
 def _class_of(detection: Detection) -> int:
-    """The class of a mask: 1 and up; tracks whose number does not fit share that of masks on no track."""
-    track = detection.track_id
-    return UNTRACKED if track is None or not 0 <= track < UNTRACKED - 1 else track + 1
+    """The class of a mask: its track's; tracks beyond `TRACKS` share the classes of others."""
+    return UNTRACKED if detection.track_id is None else UNTRACKED + 1 + detection.track_id % TRACKS
+
+
+def _classes() -> Any:  # noqa: ANN401 # an archetype of Rerun
+    """Colours of masks, told once: the viewer does not follow a context that changes from frame to frame."""
+    import rerun as rr
+
+    tracks = [(UNTRACKED + 1 + track, f"track {track}", object_colour(track).tolist()) for track in range(TRACKS)]
+    rows = [(0, "", (0, 0, 0, 0)), (UNTRACKED, "on no track", UNMAPPED_RGB), *tracks]
+    return rr.AnnotationContext([rr.AnnotationInfo(number, label, colour) for number, label, colour in rows])
 
 
 def _encoded(image: Bytes) -> Any:  # noqa: ANN401 # an archetype of Rerun
