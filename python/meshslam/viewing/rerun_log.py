@@ -35,7 +35,7 @@ IMAGE_PLANE_M = 1.5  # distance of the image in the 3-D view
 PATH_RGB, LIVE_PATH_RGB = (235, 110, 20), (60, 140, 235)
 PATH_RADIUS_M = 0.05
 UNTRACKED = 1  # class of masks that are on no track; tracks have the classes above
-TRACKS = 4096  # that have a class of their own
+TRACKS = 1024  # that have a class of their own
 LONGEST_DURATION_S = 1e8  # times above are those of a clock that began in 1970
 CAMERA, IMAGE, LIVE = "world/camera", "world/camera/image", "world/live"
 
