@@ -23,7 +23,7 @@ CHANGED_M = 0.005  # an object is told again when a vertex of it moved so far
 def vertex_colours(thing: MapObject, colouring: Colouring) -> Bytes:
     """Colours (V, 3) of an object's vertices, RGB.
 
-    By `id` all are of the object's own colour. By `sigma` they go from dark blue at 1 cm to yellow at 30 cm; where the
+    By `id` all are of the object's own colour. By `sigma` they go from violet at 1 cm over green to yellow at 30 cm; where the
     vertices' own are not known, the sigma of the object's position is taken; grey where that is not known either.
     """
     if colouring == "id":
@@ -35,7 +35,7 @@ def vertex_colours(thing: MapObject, colouring: Colouring) -> Bytes:
         return np.tile(np.array(UNMAPPED_RGB, np.uint8), (len(thing.vertices), 1))
     share = np.log(np.maximum(sigma_m, 1e-9) / LOW_SIGMA_M) / np.log(HIGH_SIGMA_M / LOW_SIGMA_M)
     levels = np.round(255 * np.clip(share, 0, 1)).astype(np.uint8)
-    bgr = cv2.applyColorMap(levels[:, None], cv2.COLORMAP_CIVIDIS)[:, 0]
+    bgr = cv2.applyColorMap(levels[:, None], cv2.COLORMAP_VIRIDIS)[:, 0]
     return np.ascontiguousarray(bgr[:, ::-1], np.uint8)
 
 

@@ -188,7 +188,7 @@ def open_run_log(
     try:
         if targets.view or targets.serve or targets.rrd is not None:
             shown = RerunLog(targets.rrd, view=targets.view, serve=targets.serve, colouring=targets.colouring)
-            logs.append((str(targets.rrd or "Rerun"), shown))
+            logs.append(("Rerun" if targets.view or targets.serve else str(targets.rrd), shown))
         if targets.mcap is not None:
             logs.append((str(targets.mcap), McapLog(targets.mcap, colouring=targets.colouring)))
     except BaseException:

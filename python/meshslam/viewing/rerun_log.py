@@ -27,6 +27,7 @@ from meshslam.viewing.overlay import UNMAPPED_RGB
 from meshslam.viewing.run_log import Colouring, LoggedImage
 
 WEB_PORT, GRPC_PORT = 9090, 9876  # Rerun's own; others are taken where these are in use
+FLUSH_S = 20.0
 JPEG_QUALITY = 80
 MASK_OPACITY = 0.15  # viewers mix light, not values: it looks like 0.4
 PIXEL_CENTRE = 0.5  # of the first pixel, for Rerun; ours is 0
@@ -74,7 +75,7 @@ class RerunLog:
         self._stream: Any = rr.RecordingStream("meshslam", recording_id=recording_id)
         self._file, self._sinks = file, list[Any]()
         try:
-            self._sinks += [_viewer()] if view else []
+            self._sinks += [_viewer(self._stream)] if view else []
             if serve:
                 self._sinks.append(rr.GrpcServerSink("127.0.0.1", _free_port(GRPC_PORT)))
                 self.web_address = _served_web(self._sinks[-1].uri)
@@ -187,8 +188,10 @@ class RerunLog:
 
     def close(self) -> None:
         """As for `RunLog`: what was told is then in the file, and with the viewer."""
-        self._stream.flush()
-        self._stream.disconnect()
+        try:
+            self._stream.flush(timeout_sec=FLUSH_S)  # a viewer that was closed never answers
+        finally:
+            self._stream.disconnect()
 
     def _set_time(self, number: int, time_s: float) -> None:
         if self._uses_clock is None:
@@ -307,14 +310,14 @@ def _ellipsoids(poses: Sequence[Pose], covariances: Floats, rgb: tuple[int, int,
     )
 
 
-def _viewer() -> Any:  # noqa: ANN401 # a sink of Rerun
+def _viewer(stream: Any) -> Any:  # noqa: ANN401 # a sink for a stream of Rerun
     """A viewer's window: one that listens already, or a new one, by the program that came with the SDK."""
     import rerun as rr
 
     cli = importlib.util.find_spec("rerun_cli")
     program = None if cli is None or cli.origin is None else Path(cli.origin).with_name("rerun")
     given = {"executable_path": str(program)} if program is not None and program.is_file() else {}
-    rr.spawn(port=GRPC_PORT, connect=False, hide_welcome_screen=True, **given)
+    rr.spawn(port=GRPC_PORT, connect=False, hide_welcome_screen=True, recording=stream, **given)
     return rr.GrpcSink(f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy")
 
 
