@@ -387,3 +387,20 @@ def test_an_empty_map_without_images_is_told_too(context, tmp_path):
         log.close()
     assert len(rows_of(tmp_path / "run.rrd")["/world/camera"]) == len(empty.frame_ids)
     assert len(messages_of((tmp_path / "run.mcap").read_bytes())["/camera/pose"]) == len(empty.frame_ids)
+
+
+def test_a_viewer_that_is_gone_is_not_waited_for(context, tmp_path, monkeypatch):
+    waited, said = [], []
+
+    def flush(_stream, timeout_sec=1e38):
+        waited.append(timeout_sec)
+        raise RuntimeError("Flush timed out")
+
+    monkeypatch.setattr(rr.RecordingStream, "flush", flush)
+    log = open_run_log(LogTargets(rrd=tmp_path / "run.rrd"), on_failure=said.append)
+    log.begin("drive", context.camera)
+    log_finished_run(log, context)
+    log.close()
+    assert max(waited) < 60.0
+    assert len(said) == 1
+    assert len(rows_of(tmp_path / "run.rrd")["/world/camera"]) == len(context.frame_ids)  # all is there, in spite of it

@@ -23,8 +23,8 @@ CHANGED_M = 0.005  # an object is told again when a vertex of it moved so far
 def vertex_colours(thing: MapObject, colouring: Colouring) -> Bytes:
     """Colours (V, 3) of an object's vertices, RGB.
 
-    By `id` all are of the object's own colour. By `sigma` they go from violet at 1 cm over green to yellow at 30 cm; where the
-    vertices' own are not known, the sigma of the object's position is taken; grey where that is not known either.
+    By `id` all are of the object's own colour. By `sigma` they go from violet at 1 cm over green to yellow at 30 cm;
+    where the vertices' own are not known, the sigma of the object's position is taken; grey where that is not either.
     """
     if colouring == "id":
         return np.tile(object_colour(thing.id), (len(thing.vertices), 1))
