@@ -64,7 +64,7 @@ def smooth_full_trajectory(
     everything.values.insert(window.values)
     for entry in [*history.entries, *window.entries]:
         if entry.origin is not None:
-            everything.add(entry.origin, entry.tag)
+            everything.add(entry.origin, entry.tag, entry.origin_term)
     held = list(joined)
     for pair in held:
         _join(everything, pair)

@@ -1,0 +1,101 @@
+"""Factors of a window in a form in which many of them are evaluated at once, beside GTSAM's.
+
+Each group's cost is the sum of its factors' errors; its normal equations are theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import gtsam
+import numpy as np
+
+from meshslam.geometry import BlockSystem, Floats, LinearFactor, VariableGroup, Variables, linear_cost
+from meshslam.graph.point_factor import PointTerm
+from meshslam.graph.view_terms import ViewTerm, ViewTerms
+
+Term = LinearFactor | PointTerm | ViewTerm
+
+_POSES = "xo"  # kinds of variables, by the first letter of their key
+_VECTORS = "vtsz"
+
+
+def variables_of(values: gtsam.Values, keys: Iterable[int]) -> Variables:
+    """Some variables' values, as the core takes them."""
+    kinds: dict[str, list[int]] = {}
+    for key in sorted(keys):
+        kinds.setdefault(chr(key >> 56), []).append(key)
+    poses = [key for kind in sorted(_POSES) for key in kinds.get(kind, ())]
+    matrices = np.array([values.atPose3(key).matrix()[:3] for key in poses]).reshape(-1, 3, 4)
+    pose_rows = np.concatenate([matrices[:, :, :3].reshape(-1, 9), matrices[:, :, 3]], axis=1)
+    turns = kinds.get("e", [])
+    turn_rows = np.array([values.atRot3(key).matrix() for key in turns]).reshape(-1, 9)
+    groups: list[VariableGroup] = [
+        (found, np.array([values.atVector(key) for key in found])) for kind in _VECTORS if (found := kinds.get(kind))
+    ]
+    if biases := kinds.get("b"):
+        groups.append((biases, np.array([values.atConstantBias(key).vector() for key in biases])))
+    return Variables((poses, pose_rows), (turns, turn_rows), groups)
+
+
+class WindowFactors:
+    """All factors of a window."""
+
+    def __init__(self, factors: Iterable[tuple[gtsam.NonlinearFactor, Term | None]]) -> None:
+        """GTSAM evaluates a factor that has no term."""
+        self._others = gtsam.NonlinearFactorGraph()
+        self._linear: list[LinearFactor] = []
+        self._points: list[PointTerm] = []
+        views: list[ViewTerm] = []
+        names: set[int] = set()
+        for factor, term in factors:
+            if term is None:
+                self._others.add(factor)
+            elif isinstance(term, LinearFactor):
+                self._linear.append(term)
+                names.update(factor.keys())
+            elif isinstance(term, PointTerm):
+                self._points.append(term)
+            else:
+                views.append(term)
+        self._views, self._linear_names = ViewTerms(views), sorted(names)
+
+    def cost(self, values: gtsam.Values) -> float:
+        """Half the sum of the squares, robust ones weighed."""
+        cost = self._others.error(values) + self._views.cost(values)
+        cost += sum(term.cost(values) for term in self._points)
+        if self._linear:
+            cost += linear_cost(self._linear, variables_of(values, self._linear_names))
+        return float(cost)
+
+    def system(self, values: gtsam.Values, widths: dict[int, int]) -> BlockSystem:
+        """The normal equations at these values; `widths` are those of all variables."""
+        system = BlockSystem(widths)
+        linear = self._others.linearize(values)
+        for i in range(linear.size()):
+            factor = linear.at(i)
+            if factor is not None:  # a robust factor may say nothing
+                _add(system, factor)
+        self._views.add_to(system, values)
+        for term in self._points:
+            system.add_information(*term.information(values))
+        if self._linear:
+            system.add_linear(self._linear, variables_of(values, self._linear_names))
+        return system
+
+
+def _add(system: BlockSystem, factor: gtsam.GaussianFactor) -> None:
+    if isinstance(factor, gtsam.JacobianFactor):
+        system.add_rows(factor.keys(), factor.augmentedJacobian())
+    else:
+        whole = np.asarray(factor.augmentedInformation())
+        system.add_information(factor.keys(), whole[:-1, :-1], -whole[:-1, -1])
+
+
+def vector_values(keys: Sequence[int], widths: dict[int, int], step: Floats) -> gtsam.VectorValues:
+    """A step, its parts in the order of `keys`, as GTSAM takes it."""
+    found, start = gtsam.VectorValues(), 0
+    for key in keys:
+        found.insert(key, step[start : start + widths[key]])
+        start += widths[key]
+    return found
