@@ -28,6 +28,8 @@ def _plain(group: VariableGroup) -> tuple[np.ndarray[tuple[int, ...], np.dtype[n
 class Variables:
     """Values of variables."""
 
+    __slots__ = ("native",)
+
     def __init__(self, poses: VariableGroup, rotations: VariableGroup, vectors: Sequence[VariableGroup]) -> None:
         """A pose's row is its rotation (9), row by row, and its translation (3), metres; a rotation's is that of 9.
 
@@ -39,6 +41,8 @@ class Variables:
 
 class LinearFactor:
     """0.5 |A x - b|^2, x being steps of some variables from the values at which the factor was linearized."""
+
+    __slots__ = ("native",)
 
     def __init__(self, numbers: Sequence[int], at: Variables, rows: Floats) -> None:
         """`rows` (m, n + 1) is [A b], its columns those of the variables in the order of `numbers`.
@@ -58,6 +62,8 @@ def linear_cost(factors: Sequence[LinearFactor], variables: Variables) -> float:
 
 class Solution:
     """The step that the normal equations ask for."""
+
+    __slots__ = ("_native", "step")
 
     def __init__(self, native: _core.Solution) -> None:
         """Made by `BlockSystem.solve`."""

@@ -6,6 +6,7 @@ T the time offset, O an object's pose, Z its modes.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -42,11 +43,15 @@ class CameraMemo:
 
     def __init__(self, lever_arm_m: Floats, rate_rad_s: Floats) -> None:
         self._arm, self._rate = lever_arm_m, rate_rad_s
+        self._values: weakref.ref[gtsam.Values] | None = None  # nothing else is read where these are asked for again
         self._at: tuple[bytes, ...] = ()
         self._place: CameraPlace | None = None
 
     def place(self, values: gtsam.Values, keys: CameraKeys) -> CameraPlace:
-        """The camera at these values."""
+        """The camera at these values; call `forget` when they are changed in place."""
+        if self._place is not None and self._values is not None and self._values() is values:
+            return self._place
+        self._values = weakref.ref(values)
         x, v, e, t = keys
         pose, velocity, turn, offset = values.atPose3(x), values.atVector(v), values.atRot3(e), values.atVector(t)
         matrix, turned = pose.matrix(), turn.matrix()
@@ -57,6 +62,10 @@ class CameraMemo:
             self._at = at
             self._place = place_camera(world_from_imu, velocity, mounted, float(offset[0]), self._rate)
         return self._place
+
+    def forget(self) -> None:
+        """Read the values when they are asked for next, even if they are the same object."""
+        self._values = None
 
     @property
     def last(self) -> CameraPlace:

@@ -18,6 +18,7 @@ Term = LinearFactor | PointTerm | ViewTerm
 
 _POSES = "xo"  # kinds of variables, by the first letter of their key
 _VECTORS = "vtsz"
+_MANY = 8  # poses
 
 
 def variables_of(values: gtsam.Values, keys: Iterable[int]) -> Variables:
@@ -26,8 +27,6 @@ def variables_of(values: gtsam.Values, keys: Iterable[int]) -> Variables:
     for key in sorted(keys):
         kinds.setdefault(chr(key >> 56), []).append(key)
     poses = [key for kind in sorted(_POSES) for key in kinds.get(kind, ())]
-    matrices = np.array([values.atPose3(key).matrix()[:3] for key in poses]).reshape(-1, 3, 4)
-    pose_rows = np.concatenate([matrices[:, :, :3].reshape(-1, 9), matrices[:, :, 3]], axis=1)
     turns = kinds.get("e", [])
     turn_rows = np.array([values.atRot3(key).matrix() for key in turns]).reshape(-1, 9)
     groups: list[VariableGroup] = [
@@ -35,7 +34,17 @@ def variables_of(values: gtsam.Values, keys: Iterable[int]) -> Variables:
     ]
     if biases := kinds.get("b"):
         groups.append((biases, np.array([values.atConstantBias(key).vector() for key in biases])))
-    return Variables((poses, pose_rows), (turns, turn_rows), groups)
+    return Variables((poses, _pose_rows(values, poses)), (turns, turn_rows), groups)
+
+
+def _pose_rows(values: gtsam.Values, keys: Sequence[int]) -> Floats:
+    """Rotation, row by row, and translation of some poses (n, 12); many are read at once."""
+    if len(keys) > _MANY:
+        every = [key for key in values.keys() if chr(key >> 56) in _POSES]  # noqa: SIM118 # no mapping
+        found: Floats = gtsam.utilities.extractPose3(values)[np.searchsorted(every, keys)]
+        return found
+    matrices = np.array([values.atPose3(key).matrix()[:3] for key in keys]).reshape(-1, 3, 4)
+    return np.concatenate([matrices[:, :, :3].reshape(-1, 9), matrices[:, :, 3]], axis=1)
 
 
 class WindowFactors:
@@ -59,37 +68,48 @@ class WindowFactors:
             else:
                 views.append(term)
         self._views, self._linear_names = ViewTerms(views), sorted(names)
+        self._at: tuple[gtsam.Values, Variables] | None = None
 
     def cost(self, values: gtsam.Values) -> float:
         """Half the sum of the squares, robust ones weighed."""
         cost = self._others.error(values) + self._views.cost(values)
         cost += sum(term.cost(values) for term in self._points)
         if self._linear:
-            cost += linear_cost(self._linear, variables_of(values, self._linear_names))
+            cost += linear_cost(self._linear, self._variables(values))
         return float(cost)
 
     def system(self, values: gtsam.Values, widths: dict[int, int]) -> BlockSystem:
         """The normal equations at these values; `widths` are those of all variables."""
         system = BlockSystem(widths)
-        linear = self._others.linearize(values)
-        for i in range(linear.size()):
-            factor = linear.at(i)
-            if factor is not None:  # a robust factor may say nothing
-                _add(system, factor)
+        _add_all(system, self._others.linearize(values))
         self._views.add_to(system, values)
         for term in self._points:
             system.add_information(*term.information(values))
         if self._linear:
-            system.add_linear(self._linear, variables_of(values, self._linear_names))
+            system.add_linear(self._linear, self._variables(values))
         return system
 
+    def _variables(self, values: gtsam.Values) -> Variables:
+        """Those of the linear factors; a system is asked for where the cost was."""
+        if self._at is None or self._at[0] is not values:
+            self._at = values, variables_of(values, self._linear_names)
+        return self._at[1]
 
-def _add(system: BlockSystem, factor: gtsam.GaussianFactor) -> None:
-    if isinstance(factor, gtsam.JacobianFactor):
-        system.add_rows(factor.keys(), factor.augmentedJacobian())
-    else:
-        whole = np.asarray(factor.augmentedInformation())
-        system.add_information(factor.keys(), whole[:-1, :-1], -whole[:-1, -1])
+
+def _add_all(system: BlockSystem, linear: gtsam.GaussianFactorGraph) -> None:
+    """Add GTSAM's linear factors, those of one shape together."""
+    shapes: dict[tuple[int, ...], tuple[list[list[int]], list[Floats]]] = {}
+    for factor in (linear.at(i) for i in range(linear.size())):
+        if isinstance(factor, gtsam.JacobianFactor):
+            keys, rows = factor.keys(), factor.augmentedJacobian()
+            names, blocks = shapes.setdefault((len(keys), *rows.shape), ([], []))
+            names.append(keys)
+            blocks.append(rows)
+        elif factor is not None:  # a robust factor may say nothing
+            whole = np.asarray(factor.augmentedInformation())
+            system.add_information(factor.keys(), whole[:-1, :-1], -whole[:-1, -1])
+    for names, blocks in shapes.values():
+        system.add_all_rows(names, np.array(blocks))
 
 
 def vector_values(keys: Sequence[int], widths: dict[int, int], step: Floats) -> gtsam.VectorValues:
