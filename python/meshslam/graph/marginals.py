@@ -60,7 +60,8 @@ class _Blocks:
 
     def joint(self, keys: Sequence[int]) -> Floats:
         """The joint covariance of variables that the elimination connects."""
-        return np.block([[self._blocks[one, other] for other in keys] for one in keys])
+        rows = [np.concatenate([self._blocks[one, other] for other in keys], axis=1) for one in keys]
+        return np.concatenate(rows)
 
     def _add(self, key: int, parents: Sequence[int], root: Floats, across: Floats) -> None:
         inverse = solve_triangular(root, np.eye(len(root)), check_finite=False)
