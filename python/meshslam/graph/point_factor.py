@@ -13,7 +13,7 @@ import gtsam
 import numpy as np
 
 from meshslam.features import PointConfig, PointTracks
-from meshslam.geometry import Camera, Floats, TrackedPoints
+from meshslam.geometry import Camera, Floats, NormalEquations, TrackedPoints
 from meshslam.graph.object_factor import CameraKeys, CameraMemo, CameraPlace
 from meshslam.motion import to_gtsam_columns
 
@@ -37,10 +37,13 @@ class PointTerm:
         """Half the sum of the robust squares."""
         return self.points.cost([place.pose for place in self._places(values)])
 
-    def information(self, values: gtsam.Values) -> tuple[list[int], Floats, Floats]:
-        """Variables, Hessian (n, n) and gradient (n,) over steps of them."""
+    def equations(self, values: gtsam.Values) -> NormalEquations:
+        """The normal equations over the cameras, with the cost."""
+        return self.points.normal_equations([place.pose for place in self._places(values)])
+
+    def information(self, values: gtsam.Values, found: NormalEquations) -> tuple[list[int], Floats, Floats]:
+        """Variables, Hessian (n, n) and gradient (n,) over steps of them, by the equations at these values."""
         places = self._places(values)
-        found = self.points.normal_equations([place.pose for place in places])
         count = len(places)
         by_variables = np.zeros((6 * count, 6 * count + 4))
         for i, place in enumerate(places):

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 import gtsam
 import numpy as np
 
-from meshslam.geometry import BlockSystem, Floats, LinearFactor, VariableGroup, Variables, linear_cost
+from meshslam.geometry import BlockSystem, Floats, LinearFactor, NormalEquations, VariableGroup, Variables, linear_cost
 from meshslam.graph.point_factor import PointTerm
 from meshslam.graph.view_terms import ViewTerm, ViewTerms
 
@@ -69,11 +69,12 @@ class WindowFactors:
                 views.append(term)
         self._views, self._linear_names = ViewTerms(views), sorted(names)
         self._at: tuple[gtsam.Values, Variables] | None = None
+        self._points_at: tuple[gtsam.Values, list[NormalEquations]] | None = None
 
     def cost(self, values: gtsam.Values) -> float:
         """Half the sum of the squares, robust ones weighed."""
         cost = self._others.error(values) + self._views.cost(values)
-        cost += sum(term.cost(values) for term in self._points)
+        cost += sum(equations.cost for equations in self._point_equations(values))
         if self._linear:
             cost += linear_cost(self._linear, self._variables(values))
         return float(cost)
@@ -83,14 +84,20 @@ class WindowFactors:
         system = BlockSystem(widths)
         _add_all(system, self._others.linearize(values))
         self._views.add_to(system, values)
-        for term in self._points:
-            system.add_information(*term.information(values))
+        for term, equations in zip(self._points, self._point_equations(values), strict=True):
+            system.add_information(*term.information(values, equations))
         if self._linear:
             system.add_linear(self._linear, self._variables(values))
         return system
 
+    def _point_equations(self, values: gtsam.Values) -> list[NormalEquations]:
+        """Those of the point tracks: they cost little more than their cost, and a system is asked for where it was."""
+        if self._points_at is None or self._points_at[0] is not values:
+            self._points_at = values, [term.equations(values) for term in self._points]
+        return self._points_at[1]
+
     def _variables(self, values: gtsam.Values) -> Variables:
-        """Those of the linear factors; a system is asked for where the cost was."""
+        """Those of the linear factors."""
         if self._at is None or self._at[0] is not values:
             self._at = values, variables_of(values, self._linear_names)
         return self._at[1]
