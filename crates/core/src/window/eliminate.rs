@@ -1,7 +1,7 @@
 //! Cholesky's factor of a matrix of blocks, column of blocks by column of blocks; only blocks that elimination fills are
 //! held. Neighbouring variables with the same ties are eliminated together, as one dense front (Duff and Reid 1983).
 
-use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, U1};
+use nalgebra::{DMatrix, DMatrixViewMut, Dyn, U1};
 
 use super::order::Order;
 use crate::error::{Error, Result};
@@ -63,8 +63,8 @@ impl Factor {
         Self { fronts, front_of, starts }
     }
 
-    /// Add a symmetric matrix over some positions; `matrix` is whole.
-    pub fn add(&mut self, positions: &[usize], matrix: &DMatrixView<f64>) {
+    /// Add a symmetric matrix over some positions; `matrix` is whole, column by column.
+    pub fn add(&mut self, positions: &[usize], matrix: &[f64]) {
         let mut from = 0;
         let mut spans = Vec::with_capacity(positions.len());
         for &position in positions {
@@ -72,13 +72,17 @@ impl Factor {
             spans.push((position, from, width));
             from += width;
         }
+        let size = from;
         for &(column, column_from, column_width) in &spans {
             let front = &mut self.fronts[self.front_of[column]];
-            let at_column = self.starts[column] - self.starts[front.first];
+            let (at_column, height) = (self.starts[column] - self.starts[front.first], front.panel.nrows());
             for &(row, row_from, row_width) in spans.iter().filter(|span| span.0 >= column) {
                 let at_row = front.row(row, &self.starts);
-                let mut target = front.panel.view_mut((at_row, at_column), (row_width, column_width));
-                target += matrix.view((row_from, column_from), (row_width, column_width));
+                for k in 0..column_width {
+                    let target = &mut front.panel.as_mut_slice()[(at_column + k) * height + at_row..][..row_width];
+                    let source = &matrix[(column_from + k) * size + row_from..][..row_width];
+                    target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
+                }
             }
         }
     }
@@ -123,33 +127,37 @@ impl Factor {
 
     /// Solve L Lᵀ x = right, in the order of the positions, in place.
     pub fn solve(&self, right: &mut [f64]) {
-        for front in &self.fronts {
-            let (start, height) = (self.starts[front.first], front.panel.nrows());
-            for column in 0..front.columns {
-                let values = &front.panel.as_slice()[column * height..(column + 1) * height];
-                let x = right[start + column] / values[column];
-                right[start + column] = x;
-                for (row, value) in values.iter().enumerate().take(front.columns).skip(column + 1) {
-                    right[start + row] -= x * value;
-                }
-                for (row, place) in self.below(front) {
-                    right[place] -= x * values[row];
-                }
+        let mut part = Vec::new(); // of a front: its own numbers, then those below
+        for front in self.fronts.iter().filter(|front| front.columns > 0) {
+            self.gather(front, right, &mut part);
+            for (column, values) in front.panel.as_slice().chunks_exact(part.len()).enumerate() {
+                let x = part[column] / values[column];
+                part[column] = x;
+                let (rest, values) = (&mut part[column + 1..], &values[column + 1..]);
+                rest.iter_mut().zip(values).for_each(|(r, value)| *r -= x * value);
             }
+            self.scatter(front, &part, right);
         }
-        for front in self.fronts.iter().rev() {
-            let (start, height) = (self.starts[front.first], front.panel.nrows());
-            for column in (0..front.columns).rev() {
-                let values = &front.panel.as_slice()[column * height..(column + 1) * height];
-                let mut x = right[start + column];
-                for (row, value) in values.iter().enumerate().take(front.columns).skip(column + 1) {
-                    x -= right[start + row] * value;
-                }
-                for (row, place) in self.below(front) {
-                    x -= right[place] * values[row];
-                }
-                right[start + column] = x / values[column];
+        for front in self.fronts.iter().rev().filter(|front| front.columns > 0) {
+            self.gather(front, right, &mut part);
+            for (column, values) in front.panel.as_slice().chunks_exact(part.len()).enumerate().rev() {
+                let known: f64 = part[column + 1..].iter().zip(&values[column + 1..]).map(|(x, value)| x * value).sum();
+                part[column] = (part[column] - known) / values[column];
             }
+            self.scatter(front, &part, right);
+        }
+    }
+
+    fn gather(&self, front: &Front, right: &[f64], part: &mut Vec<f64>) {
+        part.clear();
+        part.extend_from_slice(&right[self.starts[front.first]..self.starts[front.last]]);
+        front.rows.iter().for_each(|&row| part.extend_from_slice(&right[self.starts[row]..self.starts[row + 1]]));
+    }
+
+    fn scatter(&self, front: &Front, part: &[f64], right: &mut [f64]) {
+        right[self.starts[front.first]..self.starts[front.last]].copy_from_slice(&part[..front.columns]);
+        for (&row, at) in front.rows.iter().zip(front.row_starts.windows(2)) {
+            right[self.starts[row]..self.starts[row + 1]].copy_from_slice(&part[at[0]..at[1]]);
         }
     }
 

@@ -25,16 +25,13 @@ impl Sets {
         self.bits[node * self.words + other / 64] &= !(1 << (other % 64));
     }
 
-    fn members(&self, node: usize) -> Vec<usize> {
-        let mut found = Vec::new();
-        for (word, bits) in self.of(node).iter().enumerate() {
-            let mut rest = *bits;
-            while rest != 0 {
-                found.push(64 * word + rest.trailing_zeros() as usize);
-                rest &= rest - 1;
-            }
-        }
-        found
+    /// The members of a node's set, ascending.
+    fn members(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
+        self.of(node).iter().enumerate().flat_map(|(word, bits)| {
+            std::iter::successors(Some(*bits), |rest| Some(rest & rest.wrapping_sub(1)))
+                .take_while(|rest| *rest != 0)
+                .map(move |rest| 64 * word + rest.trailing_zeros() as usize)
+        })
     }
 }
 
@@ -54,7 +51,7 @@ pub(super) fn minimum_degree<'a>(widths: &[usize], cliques: impl Iterator<Item =
             clique.iter().filter(|&&b| b != a).for_each(|&b| ties.insert(a as usize, b as usize));
         }
     }
-    let degree = |ties: &Sets, node: usize| ties.members(node).iter().map(|&other| widths[other]).sum::<usize>();
+    let degree = |ties: &Sets, node: usize| ties.members(node).map(|other| widths[other]).sum::<usize>();
     let mut degrees: Vec<usize> = (0..count).map(|node| degree(&ties, node)).collect();
     let mut waiting = vec![true; count];
     last.iter().for_each(|&node| waiting[node] = false);
@@ -69,7 +66,7 @@ pub(super) fn minimum_degree<'a>(widths: &[usize], cliques: impl Iterator<Item =
         };
         let Some(node) = next else { break };
         waiting[node] = false;
-        let around = ties.members(node);
+        let around: Vec<usize> = ties.members(node).collect();
         let words = ties.of(node).to_vec();
         for &other in &around {
             let start = other * ties.words;

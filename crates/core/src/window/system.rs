@@ -112,9 +112,8 @@ impl BlockSystem {
         let mut factor = Factor::new(&order, &self.widths, tail);
         let mut right = vec![0.0; total];
         for Term { nodes, hessian, gradient } in &self.terms {
-            let size = gradient.len();
             let positions: Vec<usize> = nodes.iter().map(|&node| position[node as usize]).collect();
-            factor.add(&positions, &DMatrixView::from_slice(hessian, size, size));
+            factor.add(&positions, hessian);
             let mut from = 0;
             for &node in nodes {
                 let (start, width) = (starts[node as usize], self.widths[node as usize]);

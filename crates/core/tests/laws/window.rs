@@ -140,6 +140,9 @@ fn wrong_inputs_are_errors() {
     assert!(system.add_rows(&[1], &[f64::NAN, 0.0]).is_err());
     assert!(system.add_information(&[1], &[1.0, 0.0], &[1.0]).is_err());
     assert!(system.solve(&[3]).is_err());
+    let mut empty = BlockSystem::new(&[1, 2], &[0, 1]).unwrap();
+    empty.add_rows(&[1, 2], &[2.0, 4.0]).unwrap();
+    assert_eq!(empty.solve(&[1]).unwrap().step, vec![2.0]);
     assert!(BlockSystem::default().solve(&[]).unwrap().step.is_empty());
 }
 
