@@ -7,17 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "BlockSystem",
+    "LinearFactor",
     "MaskLoss",
     "ObjectState",
     "Problem",
     "RoadTexture",
+    "Solution",
     "Template",
     "TrackedPoints",
+    "Variables",
     "View",
     "cotangent_weights",
     "coverage",
     "exp_so3",
     "kato_pixel_gradient",
+    "linear_cost",
     "log_so3",
     "mask_gradients",
     "outline",
@@ -169,6 +174,38 @@ class View:
     def with_surface_sigma(self, sigma_px: float) -> View: ...
     def with_keypoint_sigma(self, sigma_px: float) -> View: ...
 
+_Names = NDArray[np.uint64]
+
+@final
+class Variables:
+    def __new__(
+        cls,
+        poses: tuple[_Names, _Floats],
+        rotations: tuple[_Names, _Floats],
+        vectors: Sequence[tuple[_Names, _Floats]],
+    ) -> Variables: ...
+
+@final
+class LinearFactor:
+    def __new__(cls, names: _Names, at: Variables, rows: _Floats) -> LinearFactor: ...
+
+def linear_cost(factors: Sequence[LinearFactor], variables: Variables) -> float: ...
+
+@final
+class BlockSystem:
+    def __new__(cls, names: _Names, widths: _Ints) -> BlockSystem: ...
+    def add_linear(self, factors: Sequence[LinearFactor], variables: Variables) -> None: ...
+    def add_rows(self, names: _Names, rows: _Floats) -> None: ...
+    def add_all_rows(self, names: _Names, rows: _Floats) -> None: ...
+    def add_information(self, names: _Names, hessian: _Floats, gradient: _Floats) -> None: ...
+    def solve(self, last: _Names) -> Solution: ...
+
+@final
+class Solution:
+    @property
+    def step(self) -> _Floats: ...
+    def covariance(self, names: _Names) -> _Floats | None: ...
+
 @final
 class ObjectState:
     def __new__(cls, *, world_from_object: _Floats, z: _Floats, d: _Floats, velocity: _Floats) -> ObjectState: ...
@@ -238,4 +275,12 @@ class Template:
         d: _Floats,
         modes: bool,
     ) -> tuple[_Floats, float, float]: ...
+    def square_roots(
+        self,
+        views: Sequence[View],
+        noise: _NoiseModel,
+        camera_from_object: _Floats,
+        z: _Floats,
+        modes: bool,
+    ) -> tuple[_Floats, list[float], list[float]]: ...
     def mask_ious(self, views: Sequence[View], world_from_object: Sequence[_Floats], vertices: _Floats) -> _Floats: ...

@@ -4,7 +4,7 @@ A new factor is one entry of the table: a function, marked with what it makes, f
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -20,10 +20,12 @@ from meshslam.geometry import Camera, NoiseModel, Pose, exp_so3, render
 from meshslam.graph.config import StartConfig
 from meshslam.graph.displacement_factor import displacement_factor
 from meshslam.graph.object_factor import CameraMemo, ObservationCost, object_factor
-from meshslam.graph.point_factor import point_factor
+from meshslam.graph.point_factor import point_factor, point_term
 from meshslam.graph.road_factor import road_factor
 from meshslam.graph.start_factors import start_pose_factor
-from meshslam.graph.window import linear_factor, rows_factor
+from meshslam.graph.terms import Term, WindowFactors
+from meshslam.graph.view_terms import ViewTerm, view_factor
+from meshslam.graph.window import Window, linear_factor, rows_factor
 from meshslam.motion import to_pose3
 from meshslam.objects import ObjectConfig, category_model, make_view
 from meshslam.perception import Detection, encode_mask
@@ -44,6 +46,7 @@ class Case:
     true_cost: gtsam.NonlinearFactor | None = None  # the factor whose cost has the gradient, where it is another one
     is_robust: bool = False  # half the squared linear residual is not the cost
     tolerance: float = 1e-6  # of derivatives, in the largest one
+    term: Term | None = None  # the same, as many are evaluated at once
 
 
 TABLE: dict[str, tuple[Callable, Callable]] = {}
@@ -120,13 +123,14 @@ def object_case(rng, *, border=True, pose=False, modes=False):
     keys, rate = (X(3), V(3), E(0), T(0)), rng.normal(0, 0.3, 3)
     where = (O(7) if pose else camera @ camera_from_object), (Z(7) if modes else None)
     noise = NoiseModel() if border else NoiseModel(keypoint_position_sigma_m=0.0)  # else sigma follows the depth
-    held, anew = (
-        object_factor(ObservationCost(MODEL, view, noise, focal), keys, CameraMemo(mounting.translation, rate), *where)
-        for focal in (1e-9, 1e9)
+    held, anew, beside = (
+        ViewTerm(ObservationCost(MODEL, view, noise, focal), keys, CameraMemo(mounting.translation, rate), *where)
+        for focal in (1e-9, 1e9, 1e-9)
     )
     widths = dict(zip(keys, (6, 3, 3, 1), strict=True))
     widths |= ({O(7): 6} if pose else {}) | ({Z(7): MODEL.mode_count} if modes else {})
-    return Case(held, values, widths, held if border else anew, tolerance=1e-5)
+    factor, true_cost = view_factor(held), view_factor(held if border else anew)
+    return Case(factor, values, widths, true_cost, tolerance=1e-5, term=beside)
 
 
 for border in (True, False):
@@ -162,9 +166,9 @@ def points_case(rng, lengths=(5,)):
     keys = {f: (X(f), V(f), E(0), T(0)) for f in frames}
     memos = {f: CameraMemo(mounting.translation, rng.normal(0, 0.05, 3)) for f in frames}
     block = PointTracks(0, frames[0], tuple(tracks), True, np.zeros((0, 2, 2)))
-    factor = point_factor(block, keys, memos, CAMERA, PointConfig())
+    term = point_term(block, keys, memos, CAMERA, PointConfig())
     widths = {X(f): 6 for f in frames} | {E(0): 3, T(0): 1}
-    return Case(factor, values, widths, tolerance=2e-3)
+    return Case(point_factor(term), values, widths, tolerance=2e-3, term=term)
 
 
 @makes(point_factor, "point tracks of several lengths")
@@ -320,6 +324,99 @@ def test_the_gradient_is_that_of_the_true_cost(case, seed):
     for key, block in blocks.items():
         gradient = block.T @ residual
         assert gradient == pytest.approx(found[key][0], abs=10 * case.tolerance * scale), gtsam.DefaultKeyFormatter(key)
+
+
+def equations(factors, case):
+    """Hessian and gradient of a window's factors over the case's variables, in the order of their keys."""
+    system = factors.system(case.values, case.widths)
+    for key, width in case.widths.items():  # without these a variable may be free
+        system.add_information([key], np.eye(width), np.zeros(width))
+    solution = system.solve(list(case.widths))
+    whole = np.linalg.inv(solution.covariance(sorted(case.widths)))
+    return whole - np.eye(len(whole)), -whole @ solution.step
+
+
+@OVER_ALL
+@BATTERY
+def test_among_many_a_factor_says_what_it_says_alone(case, seed):
+    case = case(np.random.default_rng(seed))
+    blocks, residual = linearized(case)
+    jacobian = np.hstack([blocks[key] for key in sorted(blocks)])
+    hessian, gradient = jacobian.T @ jacobian, jacobian.T @ residual
+    together = WindowFactors([(case.factor, None)] * 2 + [(case.factor, case.term)])
+    assert together.cost(case.values) == pytest.approx(3 * case.factor.error(case.values), rel=1e-9)
+    found, slope = equations(together, case)
+    assert found == pytest.approx(3 * hessian, abs=1e-6 * np.abs(hessian).max())
+    assert slope == pytest.approx(3 * gradient, abs=1e-6 * np.abs(gradient).max())
+
+
+@OVER_ALL
+@BATTERY
+def test_a_factor_that_is_settled_is_the_same_linear_one_everywhere(case, seed):
+    rng = np.random.default_rng(seed)
+    case, window = case(rng), Window()
+    window.values = case.values
+    entry = window.add(case.factor)
+    window.settle([entry])
+    step = gtsam.VectorValues()
+    for key, width in case.widths.items():
+        step.insert(key, rng.normal(0, 0.3, width))
+    there = replace(case, values=window.values.retract(step))
+    together = WindowFactors([(entry.factor, entry.term)])
+    assert together.cost(there.values) == pytest.approx(entry.factor.error(there.values), rel=1e-9)
+    linear = gtsam.GaussianFactorGraph()
+    linear.push_back(entry.factor.linearize(there.values))
+    jacobian, right = linear.jacobian(ordered(sorted(case.widths)))
+    found, slope = equations(together, there)
+    assert found == pytest.approx(jacobian.T @ jacobian, abs=1e-6 * np.abs(found).max())
+    assert slope == pytest.approx(-jacobian.T @ right, abs=1e-6 * np.abs(slope).max())
+
+
+def ordered(keys):
+    ordering = gtsam.Ordering()
+    for key in keys:
+        ordering.push_back(key)
+    return ordering
+
+
+def test_views_of_several_frames_and_objects_are_told_apart():
+    rng = np.random.default_rng(8)
+    mounting, values, terms = random_mounting(rng), gtsam.Values(), []
+    insert_mounting(values, mounting, rng)
+    world = random_pose(rng)
+    for frame in range(3):
+        insert_camera(values, frame, world @ Pose(np.eye(3), np.array([0.0, 0.0, 0.3 * frame])), mounting, rng)
+    memos = [CameraMemo(mounting.translation, rng.normal(0, 0.3, 3)) for _ in range(3)]
+    for number in range(3):
+        camera_from_object, z, view = seen_car(rng, border=True)
+        values.insert(O(number), to_pose3(world @ camera_from_object))
+        values.insert(Z(number), z)
+        for frame in range(number, 3):
+            keys = X(frame), V(frame), E(0), T(0)
+            for place, modes in ((O(number), Z(number)), (O(number), None), (world @ camera_from_object, None)):
+                terms.append(
+                    ViewTerm(ObservationCost(MODEL, view, NoiseModel(), 400.0), keys, memos[frame], place, modes)
+                )
+    terms = [terms[k] for k in rng.permutation(len(terms))]
+    singles = [replace(term, cost=ObservationCost(MODEL, term.cost.view, NoiseModel(), 400.0)) for term in terms]
+    factors = [view_factor(single) for single in singles]
+    widths = {key: int(values.extract([key]).dim()) for key in values.keys()}  # noqa: SIM118 # no mapping
+    alone = Case(factors[0], values, widths)
+    one, many = (WindowFactors(zip(factors, given, strict=True)) for given in ([None] * len(terms), terms))
+    assert many.cost(values) == pytest.approx(one.cost(values), rel=1e-9)
+    for found, expected in zip(equations(many, alone), equations(one, alone), strict=True):
+        assert found == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+    # near the linearizations they serve again, far from them they are made anew; both as one by one
+    turn = np.array([0.02, 0.02, 0.02, 0.0, 0.0, 0.0])
+    for sizes in ({"x": 1e-5, "o": 1e-5, "z": 1e-5}, {"x": 0.05}, {"z": 0.5}, {"o": turn}):
+        step = gtsam.VectorValues()
+        for key, width in widths.items():
+            step.insert(key, sizes.get(chr(key >> 56), 0.0) * rng.uniform(0.5, 1.0, width))
+        values, evaluations = values.retract(step), [term.cost.evaluations for term in terms]
+        assert many.cost(values) == pytest.approx(one.cost(values), rel=1e-9)
+        again = [term.cost.evaluations for term in terms]
+        assert again == [single.cost.evaluations for single in singles]
+        assert (evaluations == again) == (len(sizes) == 3)
 
 
 def test_every_module_of_factors_is_in_the_table():

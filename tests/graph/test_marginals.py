@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import E, T, V, X
 
-from meshslam.geometry import Pose, exp_so3
+from meshslam.geometry import BlockSystem, Pose, exp_so3
 from meshslam.graph.camera_covariance import camera_covariance, path_covariances
-from meshslam.graph.marginals import covariances_at_root, joint_covariances
+from meshslam.graph.marginals import joint_covariances
 from meshslam.graph.object_factor import place_camera
-from meshslam.graph.window import Window, eliminated
+from meshslam.graph.window import Window
 from meshslam.motion import to_pose3
 
 COUNT = 12
@@ -69,15 +69,20 @@ def test_every_group_is_a_block_of_the_inverse(seed, last):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_last_is_at_the_root_and_nothing_else_is(seed):
+def test_of_what_is_last_the_solution_holds_the_covariance_and_of_nothing_else(seed):
     graph = chain(np.random.default_rng(seed))
     newest = (X(COUNT - 1), V(COUNT - 1))
-    tree = eliminated(graph, sorted(newest))
+    system = BlockSystem(WIDTHS)
+    for i in range(graph.size()):
+        system.add_rows(graph.at(i).keys(), graph.at(i).augmentedJacobian())
+    solution = system.solve(newest)
     whole, places = inverse(graph)
     at = np.concatenate([places[key] for key in newest])
-    (found,) = covariances_at_root(tree, [newest], WIDTHS.get)
-    assert found == pytest.approx(whole[np.ix_(at, at)], rel=1e-6, abs=1e-9)
-    assert covariances_at_root(tree, [(X(0), V(0))], WIDTHS.get) is None
+    assert solution.covariance(newest) == pytest.approx(whole[np.ix_(at, at)], rel=1e-6, abs=1e-9)
+    assert solution.covariance((X(0), V(0))) is None
+    step = graph.optimize()
+    expected = np.concatenate([step.at(key) for key in sorted(WIDTHS)])
+    assert solution.step == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 # --- cameras
@@ -99,7 +104,7 @@ def places_of(rng, count):
 
 
 @pytest.fixture
-def solved():
+def solved(monkeypatch):
     """A window with the linear chain, as `optimize` leaves it, and its cameras."""
     rng = np.random.default_rng(5)
     window, places = Window(), places_of(rng, COUNT)
@@ -110,7 +115,8 @@ def solved():
             window.values.insert(key, gtsam.Rot3())
         else:
             window.values.insert(key, np.zeros(width))
-    window._linear = chain(rng)
+    linear = chain(rng)
+    monkeypatch.setattr(window, "linearized", lambda: linear)
     return window, places, [(X(i), V(i), E(0), T(0)) for i in range(COUNT)]
 
 
@@ -129,7 +135,7 @@ def test_relative_to_the_first_camera_the_first_is_certain_and_the_others_are_as
     known = Pose(exp_so3(np.array([0.1, -0.2, 0.5])), np.array([3.0, 4.0, 5.0]))
     laid = path_covariances(window, places, keys, lambda first: known @ first.inverse())
     assert np.abs(laid[0]).max() < 1e-9 * np.abs(laid[-1]).max()
-    whole, where = inverse(window._linear)
+    whole, where = inverse(window.linearized())
     small = 1e-8  # so that what is linear is all there is
     steps = np.random.default_rng(1).multivariate_normal(np.zeros(len(whole)), small * whole, 20000)
 

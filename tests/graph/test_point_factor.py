@@ -7,7 +7,7 @@ from meshslam.errors import GeometryError
 from meshslam.features.point_tracks import PointConfig, PointTracks
 from meshslam.geometry import Camera, Pose, TrackedPoints, exp_so3
 from meshslam.graph.object_factor import CameraMemo
-from meshslam.graph.point_factor import point_factor, square_root
+from meshslam.graph.point_factor import point_factor, point_term, square_root
 from meshslam.motion.gtsam_bridge import to_pose3
 from tests.reference.point_tracks import linearize, triangulate, triangulated
 
@@ -165,7 +165,7 @@ def test_the_factor_draws_cameras_back(rng):
     keys = {k: (X(k), V(k), E(0), T(0)) for k in range(5)}
     memos = {k: CameraMemo(np.zeros(3), np.zeros(3)) for k in range(5)}
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(point_factor(PointTracks(0, 0, (pixels,), True, pixels[:, -2:]), keys, memos, CAMERA, CONFIG))
+    graph.add(point_factor(point_term(PointTracks(0, 0, (pixels,), True, pixels[:, -2:]), keys, memos, CAMERA, CONFIG)))
     tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)
     for k, camera in enumerate(cameras):
         if k < 2:

@@ -5,6 +5,7 @@
 //! So the derivative over the object, and over the modes, is all that a graph needs.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::lie::Pose;
@@ -76,6 +77,26 @@ pub fn square_root(
     }
     let cost = rows.cost();
     Ok(SquareRoot { root: triangle(stacked, cost), columns, cost, observations })
+}
+
+/// A view with the relative pose and the modes that it is linearized at.
+#[derive(Debug, Clone)]
+pub struct ViewAt<'a> {
+    /// The view; its own pose and time are not used.
+    pub view: &'a View,
+    /// Where the object is.
+    pub camera_from_object: Pose,
+    /// Its modes, in standard deviations.
+    pub z: Vec<f64>,
+}
+
+/// As [`square_root`] of many views, without free form; views share the threads, each result is one thread's.
+///
+/// # Errors
+/// As of [`square_root`], for the first view that has one.
+pub fn square_roots(template: &Template, views: &[ViewAt], model: &Model, modes: bool) -> Result<Vec<SquareRoot>> {
+    let of = |at: &ViewAt| square_root(template, at.view, model, &at.camera_from_object, &at.z, &[], modes);
+    views.par_iter().map(of).collect::<Vec<_>>().into_iter().collect()
 }
 
 /// The triangular factor of rows [J | r], its last entry set so that the last column's norm gives the cost: a robust

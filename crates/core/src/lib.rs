@@ -25,3 +25,4 @@ pub mod tracks;
 pub mod view;
 pub mod visible;
 pub mod voxel;
+pub mod window;

@@ -67,6 +67,18 @@ pub fn pose(what: &'static str, array: &Floats2) -> PyResult<Pose> {
     Ok(Pose { rotation, translation })
 }
 
+/// Rows (n, 12) of a rotation, row by row, and a translation.
+pub fn pose_rows(what: &'static str, array: &Floats2) -> PyResult<Vec<Pose>> {
+    check_shape(what, array.shape(), &[None, Some(12)])?;
+    let rows: Vec<f64> = array.as_array().iter().copied().collect();
+    check_finite(what, &rows).map_err(to_python)?;
+    let pose = |row: &[f64]| Pose {
+        rotation: Matrix3::from_row_slice(&row[..9]),
+        translation: Vector3::new(row[9], row[10], row[11]),
+    };
+    Ok(rows.chunks_exact(12).map(pose).collect())
+}
+
 pub fn pose_to_rows(pose: &Pose) -> Vec<Vec<f64>> {
     let (r, t) = (&pose.rotation, &pose.translation);
     let mut rows: Vec<Vec<f64>> = (0..3).map(|i| vec![r[(i, 0)], r[(i, 1)], r[(i, 2)], t[i]]).collect();

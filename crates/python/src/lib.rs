@@ -10,6 +10,7 @@ mod raster;
 mod road;
 mod tracks;
 mod view;
+mod window;
 
 use pyo3::prelude::*;
 
@@ -33,4 +34,6 @@ mod _core {
     use super::tracks::TrackedPoints;
     #[pymodule_export]
     use super::view::View;
+    #[pymodule_export]
+    use super::window::{BlockSystem, LinearFactor, Solution, Variables, linear_cost};
 }

@@ -6,11 +6,14 @@ use meshslam_core::solve::levenberg_marquardt::{Options, Problem as _, Stop};
 use meshslam_core::template::Template as CoreTemplate;
 use meshslam_core::view::View as CoreView;
 use nalgebra::Vector3;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::ndarray::Array3;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::convert::{Floats1, Floats2, Ints2, check_shape, faces, point_rows, points, pose, pose_to_rows, to_python};
+use crate::convert::{
+    Floats1, Floats2, Ints2, check_shape, faces, point_rows, points, pose, pose_rows, pose_to_rows, to_python,
+};
 use crate::named::NoiseModel;
 use crate::problem::{ObjectState, Problem, block};
 use crate::view::{View, core_views};
@@ -23,6 +26,9 @@ pub struct Template {
 
 /// (before, after, damping, rejected) of each iteration.
 type IterationRows = Vec<(f64, f64, f64, usize)>;
+
+/// Roots stacked, costs, observations.
+type SquareRoots<'py> = (Bound<'py, PyArray3<f64>>, Vec<f64>, Vec<f64>);
 
 /// A step that lowers an object's cost by a smaller share is its last.
 const LEAST_SHARE: f64 = 1e-3;
@@ -215,6 +221,34 @@ impl Template {
         let of = |view: &&CoreView| object::border_distances(&self.inner, view, state, step_px);
         let found: Vec<Vec<f64>> = py.detach(|| views.iter().map(of).collect());
         Ok(found.into_iter().map(|row| PyArray1::from_vec(py, row)).collect())
+    }
+
+    /// As `square_root` of many views, at rows of rotation (9), row by row, and translation (3), and rows of modes.
+    fn square_roots<'py>(
+        &self,
+        py: Python<'py>,
+        views: Vec<Py<View>>,
+        noise: NoiseModel,
+        camera_from_object: Floats2,
+        z: Floats2,
+        modes: bool,
+    ) -> PyResult<SquareRoots<'py>> {
+        check_shape("z", z.shape(), &[Some(views.len()), None])?;
+        let (model, views) = (noise.0, core_views(&views));
+        let poses = pose_rows("camera_from_object", &camera_from_object)?;
+        check_shape("camera_from_object", &[poses.len()], &[Some(views.len())])?;
+        let z = z.as_array();
+        let each = views.into_iter().zip(poses).zip(z.outer_iter());
+        let at: Vec<factor::ViewAt> = each
+            .map(|((view, camera_from_object), z)| factor::ViewAt { view, camera_from_object, z: z.to_vec() })
+            .collect();
+        let found = py.detach(|| factor::square_roots(&self.inner, &at, &model, modes)).map_err(to_python)?;
+        let width = found.first().map_or(0, |root| root.columns + 1);
+        let all: Vec<f64> = found.iter().flat_map(|root| root.root.iter().copied()).collect();
+        let roots = Array3::from_shape_vec((found.len(), width, width), all)
+            .map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let (costs, observations) = found.iter().map(|root| (root.cost, root.observations)).unzip();
+        Ok((roots.into_pyarray(py), costs, observations))
     }
 
     /// A view's cost near a relative pose: (root, cost, observations), `root` as the core has it.

@@ -7,6 +7,14 @@ from meshslam.deferred import deferred
 if TYPE_CHECKING:
     from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
     from meshslam.geometry.assignment import best_pairs
+    from meshslam.geometry.block_system import (
+        BlockSystem,
+        LinearFactor,
+        Solution,
+        VariableGroup,
+        Variables,
+        linear_cost,
+    )
     from meshslam.geometry.camera import Camera
     from meshslam.geometry.gltf_check import check_gltf, is_gltf
     from meshslam.geometry.lie import cross_matrix, exp_so3, hat, log_so3, right_jacobian, right_jacobian_inverse
@@ -49,6 +57,7 @@ else:
         {
             "arrays": "AnyArray Bools Bytes Floats Ints Singles",
             "assignment": "best_pairs",
+            "block_system": "BlockSystem LinearFactor Solution VariableGroup Variables linear_cost",
             "camera": "Camera",
             "gltf_check": "check_gltf is_gltf",
             "lie": "cross_matrix exp_so3 hat log_so3 right_jacobian right_jacobian_inverse",
@@ -72,6 +81,7 @@ else:
 __all__ = [
     "AnyArray",
     "Block",
+    "BlockSystem",
     "Bools",
     "Bytes",
     "Camera",
@@ -79,6 +89,7 @@ __all__ = [
     "GroundPlane",
     "Ints",
     "Iteration",
+    "LinearFactor",
     "MaskGradient",
     "MaskLoss",
     "NoiseModel",
@@ -93,8 +104,11 @@ __all__ = [
     "Rendering",
     "RoadTexture",
     "Singles",
+    "Solution",
     "SquareRoot",
     "TrackedPoints",
+    "VariableGroup",
+    "Variables",
     "View",
     "best_pairs",
     "camera_points",
@@ -112,6 +126,7 @@ __all__ = [
     "keypoint_loss",
     "keypoint_loss_gradient",
     "keypoint_pixels",
+    "linear_cost",
     "log_so3",
     "mask_gradients",
     "mask_iou",

@@ -300,6 +300,26 @@ class ObjectModel:
             )
         return SquareRoot(root, cost, observations)
 
+    def square_roots(
+        self,
+        views: Sequence[View],
+        noise: NoiseModel,
+        rotations: Floats,
+        translations: Floats,
+        z: Floats | None = None,
+    ) -> list[SquareRoot]:
+        """As `square_root` of n views at camera_from_object (n, 3, 3) and (n, 3), over z (n, modes) where it is given.
+
+        The views share the threads; results do not depend on how many there are.
+        """
+        weights = np.zeros((len(views), self.mode_count)) if z is None else z
+        rows = np.concatenate([rotations.reshape(-1, 9), translations], axis=1)
+        with geometry_errors():
+            roots, costs, observations = self._template.square_roots(
+                list(views), noise, floats(rows), floats(weights), z is not None
+            )
+        return [SquareRoot(*each) for each in zip(roots, costs, observations, strict=True)]
+
     def border_distances_px(self, views: Sequence[View], state: ObjectState, step_px: float) -> list[Floats]:
         """Signed distance, pixels, from each border point to the outline, in the points' order, an array a view.
 

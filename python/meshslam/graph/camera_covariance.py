@@ -14,14 +14,13 @@ from meshslam.geometry import Floats, Pose
 from meshslam.graph.marginals import Group
 from meshslam.graph.object_factor import CameraKeys, CameraPlace
 from meshslam.graph.window import Window
-from meshslam.motion import to_gtsam_columns
 
 _STEP = 1e-5  # m, rad, of a difference quotient
 
 
 def camera_covariance(place: CameraPlace, joint: Floats) -> Floats:
     """Covariance (6, 6) of world_from_camera from that (13, 13) of X, V, E and T."""
-    by_all = _by_variables(place)
+    by_all = place.by_variables
     return _symmetric(by_all @ joint @ by_all.T)
 
 
@@ -44,23 +43,18 @@ def path_covariances(
     joint = window.joint_covariances(groups, first if is_moved else first[2:])
     if not is_moved:
         return np.array([camera_covariance(place, found) for place, found in zip(places, joint, strict=True)])
-    by_first = by_first @ _by_variables(places[0])
+    by_first = by_first @ places[0].by_variables
     out = []
     for place, group, found in zip(places, groups, joint, strict=True):
         # W C_i moves with C_i, and by Ad(C_i^-1 W^-1) with W
         by_all = np.zeros((6, len(found)))
-        by_all[:, :13] = _by_variables(place)
+        by_all[:, :13] = place.by_variables
         moved = place.pose.inverse().adjoint() @ by_first
         own = slice(0, 9) if len(group) == 4 else slice(13, 22)
         by_all[:, own] += moved[:, :9]
         by_all[:, 9:13] += moved[:, 9:]
         out.append(_symmetric(by_all @ found @ by_all.T))
     return np.array(out)
-
-
-def _by_variables(place: CameraPlace) -> Floats:
-    """Derivative (6, 13) of a camera's pose over X, V, E and T, in GTSAM's tangent spaces."""
-    return np.hstack([to_gtsam_columns(place.by_imu), place.by_velocity, place.by_rotation, place.by_offset])
 
 
 def _world_by_first(first: Pose, world_from_first_camera: Callable[[Pose], Pose] | None) -> Floats:

@@ -158,6 +158,7 @@ class CameraStates:
         key = X(self.newest)
         self._window.values.update(key, to_pose3(moved @ from_pose3(self._window.values.atPose3(key))))
         self._estimates.pop(self.newest, None)
+        self._memos[self.newest].forget()
 
     def retire(self, frames: list[int], *, keep: bool) -> set[int]:
         """Frames leave the window, their last estimates are kept or not. Returns their variables."""

@@ -32,7 +32,10 @@ class History:
         if keys:
             self.values.insert(window.values.extract(sorted(keys)))
             self._order += sorted(keys)
-            self.entries += [entry for entry in window.marginalize(keys) if entry.origin is not None]
+            gone = [entry for entry in window.marginalize(keys) if entry.origin is not None]
+            for entry in gone:
+                entry.term = None  # smoothing takes the factors as they were given
+            self.entries += gone
 
     def checkpoint(self) -> Callable[[], None]:
         """How to come back to what is held now; it costs the same however long the run is."""
@@ -64,7 +67,7 @@ def smooth_full_trajectory(
     everything.values.insert(window.values)
     for entry in [*history.entries, *window.entries]:
         if entry.origin is not None:
-            everything.add(entry.origin, entry.tag)
+            everything.add(entry.origin, entry.tag, entry.origin_term)
     held = list(joined)
     for pair in held:
         _join(everything, pair)

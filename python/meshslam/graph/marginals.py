@@ -10,7 +10,7 @@ Only blocks that the elimination connects are computed, so the cost grows with t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import gtsam
 import numpy as np
@@ -41,32 +41,6 @@ def joint_covariances(
     return [blocks.joint(group) for group in groups]
 
 
-def covariances_at_root(
-    tree: gtsam.GaussianBayesTree, groups: Sequence[Group], width_of: Callable[[int], int]
-) -> list[Floats] | None:
-    """The same where all variables of the groups are in the root of a Bayes tree; None where they are not.
-
-    `width_of` gives a variable's width, 0 where it is not known any more.
-    Of |R x - d| with an upper triangular R, the last rows are those of the last variables alone.
-    """
-    wanted, roots = {key for group in groups for key in group}, tree.roots()
-    keys = list(roots[0].conditional().keys()) if len(roots) == 1 else []
-    if not wanted or not wanted <= set(keys):
-        return None
-    keys = keys[min(keys.index(key) for key in wanted) :]
-    widths = [width_of(key) for key in keys]
-    if 0 in widths:
-        return None
-    ends = np.cumsum([0, *widths])
-    at = {key: np.arange(start, end) for key, start, end in zip(keys, ends[:-1], ends[1:], strict=True)}
-    size = int(ends[-1])
-    root = np.asarray(roots[0].conditional().R())[-size:, -size:]
-    inverse = solve_triangular(root, np.eye(size), check_finite=False)
-    covariance = inverse @ inverse.T
-    places = [np.concatenate([at[key] for key in group]) for group in groups]
-    return [covariance[np.ix_(place, place)] for place in places]
-
-
 class _Blocks:
     """Covariances of pairs of variables."""
 
@@ -86,7 +60,8 @@ class _Blocks:
 
     def joint(self, keys: Sequence[int]) -> Floats:
         """The joint covariance of variables that the elimination connects."""
-        return np.block([[self._blocks[one, other] for other in keys] for one in keys])
+        rows = [np.concatenate([self._blocks[one, other] for other in keys], axis=1) for one in keys]
+        return np.concatenate(rows)
 
     def _add(self, key: int, parents: Sequence[int], root: Floats, across: Floats) -> None:
         inverse = solve_triangular(root, np.eye(len(root)), check_finite=False)

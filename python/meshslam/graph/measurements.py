@@ -8,7 +8,7 @@ from meshslam.features import PointConfig, PointTracks
 from meshslam.geometry import Camera
 from meshslam.graph.camera_states import CameraStates
 from meshslam.graph.displacement_factor import displacement_factor
-from meshslam.graph.point_factor import point_factor
+from meshslam.graph.point_factor import point_factor, point_term
 from meshslam.graph.road_factor import road_factor
 from meshslam.graph.tags import DISPLACEMENT, PointTag, RoadTag
 from meshslam.graph.window import Window
@@ -30,7 +30,8 @@ class Measurements:
             frames = range(tracks.first, tracks.last + 1)
             keys = {f: self._cameras.keys(f) for f in frames}
             memos = {f: self._cameras.memo(f) for f in frames}
-            self._window.add(point_factor(tracks, keys, memos, camera, config), tag)
+            term = point_term(tracks, keys, memos, camera, config)
+            self._window.add(point_factor(term), tag, term)
 
     def add_displacement(self, first: int, second: int, displacement_m: float, sigma_m: float) -> None:
         """The distance between the cameras of two frames, both of which are held."""

@@ -6,12 +6,14 @@ T the time offset, O an object's pose, Z its modes.
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import gtsam
 import numpy as np
 
-from meshslam.geometry import Floats, NoiseModel, ObjectModel, Pose, SquareRoot, View, cross_matrix, exp_so3
+from meshslam.geometry import Bools, Floats, NoiseModel, ObjectModel, Pose, SquareRoot, View, cross_matrix, exp_so3
 from meshslam.motion import from_pose3, to_gtsam_columns
 
 REUSE_PX = 0.2  # a linearization is kept while it moves the object on the image by less,
@@ -30,17 +32,26 @@ class CameraPlace:
     by_rotation: Floats  # (6, 3), over E
     by_offset: Floats  # (6, 1), over T
 
+    @property
+    def by_variables(self) -> Floats:
+        """Derivative (6, 13) over X, V, E and T, in GTSAM's tangent spaces."""
+        return np.hstack([to_gtsam_columns(self.by_imu), self.by_velocity, self.by_rotation, self.by_offset])
+
 
 class CameraMemo:
     """The camera of one frame at the last values asked for: all views of a frame ask for the same."""
 
     def __init__(self, lever_arm_m: Floats, rate_rad_s: Floats) -> None:
         self._arm, self._rate = lever_arm_m, rate_rad_s
+        self._values: weakref.ref[gtsam.Values] | None = None  # nothing else is read where these are asked for again
         self._at: tuple[bytes, ...] = ()
         self._place: CameraPlace | None = None
 
     def place(self, values: gtsam.Values, keys: CameraKeys) -> CameraPlace:
-        """The camera at these values."""
+        """The camera at these values; call `forget` when they are changed in place."""
+        if self._place is not None and self._values is not None and self._values() is values:
+            return self._place
+        self._values = weakref.ref(values)
         x, v, e, t = keys
         pose, velocity, turn, offset = values.atPose3(x), values.atVector(v), values.atRot3(e), values.atVector(t)
         matrix, turned = pose.matrix(), turn.matrix()
@@ -50,6 +61,16 @@ class CameraMemo:
             world_from_imu = Pose(matrix[:3, :3], matrix[:3, 3])
             self._at = at
             self._place = place_camera(world_from_imu, velocity, mounted, float(offset[0]), self._rate)
+        return self._place
+
+    def forget(self) -> None:
+        """Read the values when they are asked for next, even if they are the same object."""
+        self._values = None
+
+    @property
+    def last(self) -> CameraPlace:
+        """The camera as it was placed last."""
+        assert self._place is not None
         return self._place
 
 
@@ -126,6 +147,11 @@ class ObservationCost:
         self._at, self._root = kept
 
     @property
+    def is_new(self) -> bool:
+        """Whether it has not been linearized yet."""
+        return self._at is None or self._root is None
+
+    @property
     def frozen(self) -> tuple[Pose, Floats, SquareRoot]:
         """Where the view was linearized last, and what it then said."""
         assert self._at is not None
@@ -159,6 +185,65 @@ class ObservationCost:
         if self.focal_px * moved_m / depth > REUSE_PX or (len(z) and float(np.abs(z - old_z).max()) > REUSE_MODES):
             return None
         return step
+
+
+def linearize_all(
+    costs: Sequence[ObservationCost], rotations: Floats, translations: Floats, z: Floats | None
+) -> tuple[Floats, Floats]:
+    """As `linearize` of each of n costs: derivatives (n, w + 1, w) and residuals (n, w + 1), computed together.
+
+    Relative poses are camera_from_object (n, 3, 3) and (n, 3), modes z (n, modes) or None for all.
+    """
+    _linearize_anew([k for k, cost in enumerate(costs) if cost.is_new], costs, rotations, translations, z)
+    steps, is_far = _steps(costs, rotations, translations, z)
+    if is_far.any():
+        _linearize_anew([int(k) for k in np.flatnonzero(is_far)], costs, rotations, translations, z)
+        steps[is_far] = 0.0
+    roots = np.array([cost.frozen[2].root for cost in costs])
+    jacobians = roots[:, :, :-1]
+    residuals: Floats = (jacobians @ steps[:, :, None])[:, :, 0] + roots[:, :, -1]
+    return jacobians, residuals
+
+
+def _linearize_anew(
+    chosen: Sequence[int],
+    costs: Sequence[ObservationCost],
+    rotations: Floats,
+    translations: Floats,
+    z: Floats | None,
+) -> None:
+    """Linearize the chosen ones at their states, one call for all that share model and noise."""
+    kinds: dict[tuple[int, int], list[int]] = {}
+    for k in chosen:
+        kinds.setdefault((id(costs[k].model), id(costs[k].noise)), []).append(k)
+    for group in kinds.values():
+        some = costs[group[0]]
+        views = [view for k in group if (view := costs[k].view) is not None]
+        at = None if z is None else z[group]
+        roots = some.model.square_roots(views, some.noise, rotations[group], translations[group], at)
+        for k, root in zip(group, roots, strict=True):
+            costs[k].evaluations += 1
+            costs[k].restore(Pose(rotations[k], translations[k]), np.zeros(0) if z is None else z[k], root)
+
+
+def _steps(
+    costs: Sequence[ObservationCost], rotations: Floats, translations: Floats, z: Floats | None
+) -> tuple[Floats, Bools]:
+    """Steps (n, w) from the last linearizations, and which views (n,) they move too far: as `ObservationCost._step`."""
+    at = [cost.frozen for cost in costs]
+    back = np.array([pose.rotation for pose, _, _ in at]).transpose(0, 2, 1)
+    from_at = np.array([pose.translation for pose, _, _ in at])
+    turned, moved = back @ rotations, translations - from_at
+    small = 0.5 * (turned - turned.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
+    steps = [(back @ moved[:, :, None])[:, :, 0], small]
+    moved_m = np.abs(moved).max(1) + 2.0 * np.abs(small).max(1)
+    focal_px = np.array([cost.focal_px for cost in costs])
+    is_far = focal_px * moved_m / np.maximum(from_at[:, 2], 1.0) > REUSE_PX
+    if z is not None:
+        changed = z - np.array([z for _, z, _ in at])
+        steps.append(changed)
+        is_far |= np.abs(changed).max(1, initial=0.0) > REUSE_MODES
+    return np.concatenate(steps, axis=1), is_far & np.array([cost.view is not None for cost in costs])
 
 
 def object_factor(

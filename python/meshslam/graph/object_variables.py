@@ -11,8 +11,9 @@ from gtsam.symbol_shorthand import O, S, Z
 
 from meshslam.geometry import Floats, Pose
 from meshslam.graph.camera_states import CameraStates
-from meshslam.graph.object_factor import ObservationCost, object_factor
+from meshslam.graph.object_factor import ObservationCost
 from meshslam.graph.tags import ObservationTag, RoadTag
+from meshslam.graph.view_terms import ViewTerm, view_factor
 from meshslam.graph.window import Entry, Window, linear_factor
 from meshslam.motion import from_pose3, to_gtsam_covariance, to_pose3
 
@@ -57,8 +58,7 @@ class ObjectVariables:
                 self._window.add(gtsam.PriorFactorPose3(key, to_pose3(world_from_object), prior))
             self._last_frame[number] = self._cameras.newest
         frame = self._cameras.newest
-        factor = object_factor(cost, self._cameras.keys(frame), self._cameras.memo(frame), key)
-        self._window.add(factor, ObservationTag(number, frame, cost))
+        self._add(ViewTerm(cost, self._cameras.keys(frame), self._cameras.memo(frame), key, None), number, frame)
 
     def add_landmark(
         self, number: int, world_from_object: Pose, z: Floats, scale_direction: Floats, size_sigma: float
@@ -84,9 +84,13 @@ class ObjectVariables:
         """Add an observation of a landmark in a frame that is held."""
         keys, memo = self._cameras.keys(frame), self._cameras.memo(frame)
         self._last_frame[number] = max(frame, self._last_frame[number])
-        tag = ObservationTag(number, frame, cost)
-        self._landmarks[number].append(tag)
-        return self._window.add(object_factor(cost, keys, memo, O(number), Z(number)), tag)
+        entry = self._add(ViewTerm(cost, keys, memo, O(number), Z(number)), number, frame)
+        assert isinstance(entry.tag, ObservationTag)
+        self._landmarks[number].append(entry.tag)
+        return entry
+
+    def _add(self, term: ViewTerm, number: int, frame: int) -> Entry:
+        return self._window.add(view_factor(term), ObservationTag(number, frame, term.cost), term)
 
     def state(self, number: int) -> tuple[Pose, Floats]:
         """world_from_object and modes of a landmark."""

@@ -24,9 +24,10 @@ from meshslam.graph.graph_archive import (
     values_from_arrays,
     values_to_arrays,
 )
-from meshslam.graph.object_factor import CameraMemo, ObservationCost, object_factor
+from meshslam.graph.object_factor import CameraMemo, ObservationCost
 from meshslam.graph.smoother import Smoother
 from meshslam.graph.tags import DISPLACEMENT, ObservationTag, PointTag, RoadTag
+from meshslam.graph.view_terms import ViewTerm, view_factor
 from meshslam.graph.window import Entry
 
 _IN_WINDOW, _IN_HISTORY, _LEFT_BEHIND = range(
@@ -68,8 +69,9 @@ def smoother_from_arrays(empty: Smoother, arrays: Mapping[str, Any], model: Obje
         (history.entries if place == _IN_HISTORY else empty.window.entries).append(entry)
     for place, view in _views_from_arrays(_under("view_", arrays), model, noise):
         memo = CameraMemo(empty.cameras.arm_m, empty.cameras.rates_rad_s[view.frame])
-        factor = object_factor(view.cost, empty.cameras.keys(view.frame), memo, O(view.number), Z(view.number))
-        entry = Entry(factor, frozenset(factor.keys()), view, factor)
+        term = ViewTerm(view.cost, empty.cameras.keys(view.frame), memo, O(view.number), Z(view.number))
+        factor = view_factor(term)
+        entry = Entry(factor, frozenset(term.keys), view, factor, term, term)
         (history.entries if place == _IN_HISTORY else empty.window.entries).append(entry)
     empty.window.settle([e for e in empty.window.entries if isinstance(e.tag, ObservationTag)])
 

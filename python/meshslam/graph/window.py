@@ -1,7 +1,8 @@
 """A factor graph over a window of time: Gauss-Newton that checks the true cost, and marginalization.
 
 GTSAM's own fixed-lag smoothers evaluate every factor a dozen times an update; factors that the core computes are worth
-more care. A step here asks each factor twice, and views that are settled are held as linear factors.
+more care. A step here asks each factor twice, views that are settled are held as linear factors, and the normal
+equations are solved in the core. GTSAM evaluates the rest, marginalizes, and solves by QR what Cholesky cannot.
 """
 
 from __future__ import annotations
@@ -12,32 +13,30 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from meshslam.geometry import Floats
-from meshslam.graph.marginals import Group, covariances_at_root, joint_covariances, tie
+from meshslam.errors import GeometryError
+from meshslam.geometry import Floats, LinearFactor, Solution
+from meshslam.graph.marginals import Group, joint_covariances
+from meshslam.graph.terms import Term, WindowFactors, variables_of, vector_values
 
 _HALVINGS = 4
 
 
 @dataclass(eq=False)
 class Entry:
-    """A factor of the window; `tag` says what it belongs to."""
+    """A factor of the window; `tag` says what it belongs to, its term is the same where many are evaluated at once."""
 
     factor: gtsam.NonlinearFactor
     keys: frozenset[int]
     tag: object = None
     origin: gtsam.NonlinearFactor | None = None  # the factor before it was settled; None: what variables left behind
+    term: Term | None = None
+    origin_term: Term | None = None
 
 
-def eliminated(linear: gtsam.GaussianFactorGraph, last: Sequence[int] = ()) -> gtsam.GaussianBayesTree:
-    """A linear graph's Bayes tree, variables of `last`, where one factor ties them, at the end of its root.
-
-    By Cholesky, in a fifteenth of QR's time; by QR where a pivot is lost to rounding.
-    """
-    ordering = gtsam.Ordering.ColamdConstrainedLastGaussianFactorGraph(linear, list(last))
-    try:
-        return linear.eliminateMultifrontal(ordering)
-    except RuntimeError:  # GTSAM's IndeterminantLinearSystemException
-        return linear.eliminateMultifrontal(ordering, gtsam.EliminateQR)
+def eliminated(linear: gtsam.GaussianFactorGraph) -> gtsam.GaussianBayesTree:
+    """A linear graph's Bayes tree by QR, which takes fifteen times as long as Cholesky, and loses no pivot."""
+    ordering = gtsam.Ordering.ColamdGaussianFactorGraph(linear)
+    return linear.eliminateMultifrontal(ordering, gtsam.EliminateQR)
 
 
 def linear_factor(
@@ -79,13 +78,12 @@ class Window:
         self.values = gtsam.Values()
         self.entries: list[Entry] = []
         self.cost = 0.0
-        # the factors as `optimize` linearized them last, and as it eliminated them
-        self._linear: gtsam.GaussianFactorGraph | None = None
-        self._tree: gtsam.GaussianBayesTree | None = None
+        # what `optimize` found when it linearized all factors last
+        self._solution: Solution | None = None
 
-    def add(self, factor: gtsam.NonlinearFactor, tag: object = None) -> Entry:
+    def add(self, factor: gtsam.NonlinearFactor, tag: object = None, term: Term | None = None) -> Entry:
         """Take in a factor."""
-        entry = Entry(factor, frozenset(factor.keys()), tag, factor)
+        entry = Entry(factor, frozenset(factor.keys()), tag, factor, term, term)
         self.entries.append(entry)
         return entry
 
@@ -99,19 +97,15 @@ class Window:
 
         The joint covariances of variables of `last` cost nothing afterwards.
         """
-        graph = self._graph(self.entries)
-        self.cost = graph.error(self.values)
-        tied = tie(tuple(last), {key: self._width(key) for key in last}) if last else None
+        factors = WindowFactors((entry.factor, entry.term) for entry in self.entries)
+        widths = {key: self._width(key) for key in sorted(self.values.keys())}
+        self.cost = factors.cost(self.values)
         for _ in range(iterations):
-            self._linear = graph.linearize(self.values)
-            if tied is not None:
-                self._linear.push_back(tied)
-            self._tree = eliminated(self._linear, last)
-            delta = self._tree.optimize()
+            delta = self._step(factors, widths, last)
             before, accepted = self.cost, False
             for _ in range(_HALVINGS):
                 trial = self.values.retract(delta)
-                cost = graph.error(trial)
+                cost = factors.cost(trial)
                 if np.isfinite(cost) and cost <= before:
                     self.values, self.cost, accepted = trial, cost, True
                     break
@@ -119,17 +113,28 @@ class Window:
             if not accepted or before - self.cost < tolerance:
                 break
 
-    def joint_covariances(self, groups: Sequence[Group], last: Iterable[int]) -> list[Floats]:
-        """Joint covariance of each group of variables, by the factors as `optimize` linearized them last.
+    def _step(self, factors: WindowFactors, widths: dict[int, int], last: Sequence[int]) -> gtsam.VectorValues:
+        """The Gauss-Newton step at the values: by Cholesky in the core, by QR where a pivot is lost to rounding."""
+        self._solution = None
+        system = factors.system(self.values, widths)
+        try:
+            self._solution = system.solve(last)
+        except GeometryError:
+            return eliminated(self.linearized()).optimize()
+        return vector_values(list(widths), widths, self._solution.step)
 
-        See `marginals.joint_covariances`. No factor is evaluated; what came in since then does not count yet.
+    def joint_covariances(self, groups: Sequence[Group], last: Iterable[int]) -> list[Floats]:
+        """Joint covariance of each group of variables, see `marginals.joint_covariances`.
+
+        Where `optimize` was told that all are to be last, by the factors as it linearized them last: no factor is
+        evaluated, and what came in since then does not count yet. Else all are linearized at the values.
         """
+        if self._solution is not None:
+            found = [self._solution.covariance(group) for group in groups]
+            if all(covariance is not None for covariance in found):
+                return [covariance for covariance in found if covariance is not None]
         widths = {key: self._width(key) for group in groups for key in group}
-        at_root = None if self._tree is None else covariances_at_root(self._tree, groups, self._width)
-        if at_root is not None:
-            return at_root
-        linear = self.linearized() if self._linear is None else self._linear
-        return joint_covariances(linear, groups, widths, last)
+        return joint_covariances(self.linearized(), groups, widths, last)
 
     def covariance(self, key: int) -> Floats:
         """Covariance of a variable in GTSAM's tangent space."""
@@ -165,7 +170,7 @@ class Window:
         for entry in entries:
             if not isinstance(entry.factor, gtsam.LinearContainerFactor):
                 linear = entry.factor.linearize(self.values)
-                entry.factor = gtsam.LinearContainerFactor(linear, self._subset(entry.keys))
+                entry.factor, entry.term = self._held(linear)
 
     def marginalize(self, keys: set[int]) -> list[Entry]:
         """Take variables out; what their factors say of the others stays. Returns the factors that are gone.
@@ -181,8 +186,8 @@ class Window:
         for i in range(rest.size()):
             factor = rest.at(i)
             if factor is not None and factor.size():
-                held = gtsam.LinearContainerFactor(factor, self._subset(frozenset(factor.keys())))
-                self.entries.append(Entry(held, frozenset(factor.keys())))
+                held, term = self._held(factor)
+                self.entries.append(Entry(held, frozenset(factor.keys()), term=term))
         for key in keys:
             self.values.erase(key)
         return touched
@@ -194,6 +199,13 @@ class Window:
     def add_rows(self, keys: Sequence[tuple[int, int]], rows: Floats) -> None:
         """Take in |A x - b| over (key, width) in this order, x being steps from the values held; `rows` is [A b]."""
         self.add(rows_factor(keys, rows, self.values))
+
+    def _held(self, linear: gtsam.GaussianFactor) -> tuple[gtsam.LinearContainerFactor, LinearFactor]:
+        """A linear factor about the values, for GTSAM and for the core."""
+        keys = linear.keys()
+        rows = np.asarray(linear.augmentedJacobian())
+        term = LinearFactor(keys, variables_of(self.values, keys), rows)
+        return gtsam.LinearContainerFactor(linear, self._subset(frozenset(keys))), term
 
     def _graph(self, entries: Iterable[Entry]) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph()

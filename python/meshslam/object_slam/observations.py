@@ -36,10 +36,13 @@ class ObservationMaker:
         masks = {d.id: d.mask() for d in detections}
         hidden = FrameOcclusion(self.camera, detections, lambda d: masks[d.id])
         own = [d for d in detections if d.category == self.category.name and d.track_id is not None]
-        return [self.of(index, d, hidden.occluder(d)) for d in own]
+        return [self.of(index, d, hidden.occluder(d), masks[d.id]) for d in own]
 
-    def of(self, index: int, detection: Detection, occluder: Bytes) -> TrackObservation:
-        """The observation of one detection."""
+    def of(
+        self, index: int, detection: Detection, occluder: Bytes, mask_in_image: Bytes | None = None
+    ) -> TrackObservation:
+        """The observation of one detection; its mask (h, w) is unpacked where it is not at hand."""
         order = keypoint_order(self.keypoint_names, self.category.keypoint_names)
-        view = make_view(self.model, self.camera, Pose.identity(), 0.0, detection, occluder, order, self.config)
+        model, camera, config = self.model, self.camera, self.config
+        view = make_view(model, camera, Pose.identity(), 0.0, detection, occluder, order, config, mask_in_image)
         return TrackObservation(index, detection, occluder, view)

@@ -150,14 +150,15 @@ def make_view(
     occluder: Bytes,
     keypoint_order: Sequence[int],
     config: ObjectConfig,
+    mask_in_image: Bytes | None = None,
 ) -> View:
     """What one detection shows of its object.
 
     `occluder` (h, w) of the image marks what stands before the object; `keypoint_order[i]` is the category's number of
-    the detection's i-th key point, -1 for none.
+    the detection's i-th key point, -1 for none. `mask_in_image` (h, w) is the detection's mask where it is at hand.
     """
     crop = crop_around(detection, camera, config.crop_margin)
-    mask = solid(crop.of(detection.mask()))
+    mask = solid(crop.of(detection.mask() if mask_in_image is None else mask_in_image))
     hidden = crop.of(occluder) * (1 - mask)
     reach = 2 * config.occluder_margin_px + 1
     near_hidden = cv2.dilate(hidden, np.ones((reach, reach), np.uint8)).astype(np.uint8)

@@ -23,3 +23,4 @@ mod tracks;
 mod triangulate;
 mod view;
 mod voxel;
+mod window;
