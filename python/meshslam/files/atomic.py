@@ -29,14 +29,15 @@ def write_into(path: Path, content: str | bytes, error: type[MeshslamError] = Ma
 def write_together(files: Mapping[Path, bytes], last: Path, error: type[MeshslamError] = MapError) -> None:
     """Write several files; `last`, one of them, tells that the others are there.
 
-    All contents are on the disk before the first name changes, and an older `last` goes first: a crash leaves the old
-    set, or the new one, or a set without `last`. `error` names the file that the disk does not take.
+    All contents are on the disk before the first name changes, and an older `last` goes first if others are replaced: a
+    crash leaves the old set, or the new one, or a set without `last`. `error` names the file that the disk does not
+    take.
     """
     parts = {path: part_of(path) for path in files}
     try:
         for path, content in files.items():
             _write_part(path, parts[path], content)
-        if len(files) > 1:
+        if any(path.exists() for path in files if path != last):
             last.unlink(missing_ok=True)
         for path in sorted(files, key=lambda p: p == last):
             parts[path].replace(path)

@@ -12,6 +12,8 @@ from meshslam.files import write_atomically
 
 MANIFEST = "manifest.json"
 FORMAT, VERSION = "meshslam-run", 1
+MESHES = "objects"  # the folder of a map's meshes
+MESH_FOLDERS = (MESHES, f"{MESHES}-2")  # and the other one of maps that are saved again and again
 _EARLIER = (  # what runs without a manifest wrote
     "map.json",
     "trajectory.tum",
@@ -82,5 +84,5 @@ def written_meshes(folder: Path) -> tuple[str, ...]:
     """The meshes that a folder's map.json names and that a map wrote."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         entries = json.loads((folder / "map.json").read_text(encoding="utf-8"))["objects"]
-        return tuple(e["mesh"] for e in entries if e["mesh"] == f"objects/{e['id']}.ply")
+        return tuple(e["mesh"] for e in entries if e["mesh"] in {f"{name}/{e['id']}.ply" for name in MESH_FOLDERS})
     return ()

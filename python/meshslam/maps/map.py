@@ -13,7 +13,7 @@ import numpy as np
 from meshslam.errors import GeometryError, MapError
 from meshslam.files import map_file, must_exist, real_path, remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
-from meshslam.maps.manifest import written_meshes
+from meshslam.maps.manifest import MESHES, written_meshes
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
 from meshslam.sequences import LARGEST
@@ -58,24 +58,29 @@ class Map(Mapping[int, MapObject]):
     @property
     def mesh_files(self) -> tuple[str, ...]:
         """Names of the meshes that `save` writes, in its folder."""
-        return tuple(_mesh_name(thing) for thing in self.objects)
+        return self.mesh_files_in(MESHES)
 
-    def save(self, folder: Path | str) -> None:
+    def mesh_files_in(self, meshes: str) -> tuple[str, ...]:
+        """The same where `save` is told another folder for them."""
+        return tuple(_mesh_name(thing, meshes) for thing in self.objects)
+
+    def save(self, folder: Path | str, *, meshes: str = MESHES) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
 
         Meshes that the map.json before it named go with it, other files stay. MapError if the disk does not take it;
-        what was there before then stays.
+        what was there before then stays. `meshes`, objects or objects-2, is the folder of the meshes: where a map is
+        saved again and again, the one that the map before does not use leaves that map whole until this one is.
         """
         folder = Path(folder)
         try:
-            (folder / "objects").mkdir(parents=True, exist_ok=True)
+            (folder / meshes).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise MapError(f"{folder / 'objects'}: cannot be made: {error.strerror}") from None
-        remove_leftovers(folder / "objects")
+            raise MapError(f"{folder / meshes}: cannot be made: {error.strerror}") from None
+        remove_leftovers(folder / meshes)
         before = written_meshes(folder)
         centred = [thing.recentred() for thing in self.objects]
-        files = {folder / _mesh_name(thing): format_ply(_mesh(thing)) for thing in centred}
-        document = {"format": FORMAT, "version": VERSION, "objects": [_entry(thing) for thing in centred]}
+        files = {folder / _mesh_name(thing, meshes): format_ply(_mesh(thing)) for thing in centred}
+        document = {"format": FORMAT, "version": VERSION, "objects": [_entry(thing, meshes) for thing in centred]}
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
         for name in before:
@@ -110,22 +115,22 @@ def _named(file: Path, make: Callable[[], Made]) -> Made:
         raise MapError(f"{file}: {error}") from None
 
 
-def _mesh_name(thing: MapObject) -> str:
-    return f"objects/{thing.id}.ply"
+def _mesh_name(thing: MapObject, meshes: str) -> str:
+    return f"{meshes}/{thing.id}.ply"
 
 
 def _mesh(thing: MapObject) -> PlyMesh:
     return PlyMesh(thing.vertices, thing.faces, thing.vertex_sigma_m, thing.vertex_observed)
 
 
-def _entry(thing: MapObject) -> dict[str, Any]:
+def _entry(thing: MapObject, meshes: str) -> dict[str, Any]:
     """One object as JSON; what is not known is left out."""
     entry: dict[str, Any] = {
         "id": thing.id,
         "category": thing.category,
         "world_from_object": _numbers(thing.world_from_object.matrix),
         "dimensions": _numbers(np.ptp(np.round(thing.vertices, DECIMALS), axis=0)),
-        "mesh": _mesh_name(thing),
+        "mesh": _mesh_name(thing, meshes),
         "views": thing.views,
         "first_frame": thing.first_frame,
         "last_frame": thing.last_frame,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from meshslam.errors import MapError
 from meshslam.files import LEFTOVER_SUFFIX, LOCK, remove_leftovers, write_atomically, written_aside
-from meshslam.maps.manifest import Manifest
+from meshslam.maps.manifest import MESH_FOLDERS, Manifest, written_meshes
 from meshslam.maps.map import Map
 
 CONFIG = "config.yaml"
@@ -100,6 +100,18 @@ class RunDirectory:
         """Write map.json and its meshes; MapError if the disk does not take it."""
         self.announce("map.json", *found.mesh_files)
         found.save(self.folder)
+
+    def save_map_again(self, found: Map) -> None:
+        """The same for a run that saves its map while it goes on: the map before is whole until this one is."""
+        before = written_meshes(self.folder)
+        used = {name.partition("/")[0] for name in before}
+        meshes = next(name for name in MESH_FOLDERS if name not in used)
+        names = found.mesh_files_in(meshes)
+        self.announce("map.json", *names)
+        left = {p for p in self.path(meshes).glob("*.ply") if p.stem.isdigit()}  # by a process that was killed
+        self._remove({str(p.relative_to(self.folder)) for p in left})
+        found.save(self.folder, meshes=meshes)
+        self._written -= set(before) - set(names)
 
     @contextlib.contextmanager
     def written(self, stage: str) -> Iterator[Path]:
