@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
+    from meshslam.sequences.bags.camera import camera_of_info, is_rectified_topic
+    from meshslam.sequences.bags.decoding import frame_of, stamp_ns
+    from meshslam.sequences.bags.pixels import bits_of, image_of, is_depth
     from meshslam.sequences.cameras.read import read_camera
     from meshslam.sequences.check import check_sequence, inspect_sequence
     from meshslam.sequences.conventions import CONVENTIONS, WORLD_FROM_FIRST_CAMERA, Convention, in_convention
@@ -30,6 +33,9 @@ else:
     __getattr__ = deferred(
         __name__,
         {
+            "bags.camera": "camera_of_info is_rectified_topic",
+            "bags.decoding": "frame_of stamp_ns",
+            "bags.pixels": "bits_of image_of is_depth",
             "cameras.read": "read_camera",
             "check": "check_sequence inspect_sequence",
             "conventions": "CONVENTIONS WORLD_FROM_FIRST_CAMERA Convention in_convention",
@@ -75,13 +81,19 @@ __all__ = [
     "RecordingOptions",
     "Report",
     "Sequence",
+    "bits_of",
+    "camera_of_info",
     "camera_yaml",
     "check_sequence",
     "copy_as_folder",
     "find_loader",
     "format_tum",
+    "frame_of",
+    "image_of",
     "in_convention",
     "inspect_sequence",
+    "is_depth",
+    "is_rectified_topic",
     "no_progress",
     "open_sequence",
     "open_with",
@@ -97,6 +109,7 @@ __all__ = [
     "read_size",
     "read_topics",
     "read_tum",
+    "stamp_ns",
     "turns",
     "undistorted",
     "with_imu",

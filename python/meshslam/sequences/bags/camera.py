@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,17 @@ _MODELS = {  # ROS' names, and Foxglove's, of our lens models
     "fisheye": "equidistant",
     "kannala_brandt": "equidistant",
 }
+
+_RECTIFIED = re.compile(r"(/|_)rect(ified)?(_|/|$)")
+
+
+def is_rectified_topic(name: str) -> bool:
+    """Whether the images of a topic are rectified, by its name.
+
+    >>> is_rectified_topic("/camera/image_rect_color"), is_rectified_topic("/camera/image_raw")
+    (True, False)
+    """
+    return _RECTIFIED.search(name) is not None
 
 
 def camera_of_info(  # by the schema

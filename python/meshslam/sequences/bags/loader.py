@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 from meshslam.errors import SequenceError
 from meshslam.files import real_path
 from meshslam.geometry import Floats, Pose
-from meshslam.sequences.bags.camera import camera_of_info
+from meshslam.sequences.bags.camera import camera_of_info, is_rectified_topic
 from meshslam.sequences.bags.images import BagImages
 from meshslam.sequences.bags.index import BagIndex, Topic
 from meshslam.sequences.bags.index_file import indexed
@@ -35,7 +34,6 @@ from meshslam.sequences.report import Report, fail
 from meshslam.sequences.sequence import ImuSamples, Sequence
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
-_RECTIFIED = re.compile(r"(/|_)rect(ified)?(_|/|$)")  # in a topic's name: image_rect_color
 _ON_THE_GROUND = "base_footprint"
 _WORLDS = ("map", "odom", "world", "earth")  # frames that stand still (REP 105)
 _ACCEPTS = frozenset({"topics", "camera_file", "conventions", "size"})
@@ -212,7 +210,7 @@ def _camera(index: BagIndex, topic: Topic, images: ImageSource, options: LoadOpt
 
 
 def _of_info(index: BagIndex, topic: Topic, found: Topic, report: Report) -> CameraFile:
-    is_rectified = _RECTIFIED.search(topic.name) is not None
+    is_rectified = is_rectified_topic(topic.name)
     if found.changes:
         report.note(index.path, found.name, f"the calibration changes {found.changes} times: the first is taken")
     if is_rectified:
