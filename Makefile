@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DOCS := .venv-docs
+ROS2 := .venv-ros2
 STAMP := $(VENV)/.setup-done
 RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock rustfmt.toml
 
@@ -30,7 +31,13 @@ $(STAMP): $(VENV)/.packages pyproject.toml $(RUST)
 demo: setup ## draw a street, map it, find the camera in the map, run SLAM: demo/report.html
 	$(BIN)/meshslam demo --out demo --overwrite
 
-test: setup ## every test
+$(ROS2)/.packages: requirements-ros2.lock $(VENV)/.packages
+	$(PYTHON) -m venv --clear $(ROS2)
+	$(ROS2)/bin/pip install --quiet --disable-pip-version-check --no-deps --requirement requirements-ros2.lock
+	$(BIN)/python scripts/join_environments.py $(ROS2)
+	@touch $@
+
+test: setup $(ROS2)/.packages ## every test; those of the ROS 2 node in .venv-ros2
 	$(BIN)/python scripts/test.py
 
 lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, stub against binary: warnings are errors
@@ -76,4 +83,4 @@ fuzz: setup ## hostile input to the core's entry points (with overflow checks), 
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 
 clean: ## remove what was built
-	rm -rf $(VENV) $(DOCS) target demo site benchmarks/out
+	rm -rf $(VENV) $(DOCS) $(ROS2) target demo site benchmarks/out

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+OF_ROS2 = "tests/ros2"  # in an environment of their own: see docs/decisions
 
 
 def cargo_tests() -> tuple[int, int, int, bool]:
@@ -25,12 +26,12 @@ def cargo_tests() -> tuple[int, int, int, bool]:
     return passed, failed, skipped, run.returncode == 0
 
 
-def python_tests(arguments: list[str]) -> tuple[int, int, int, bool]:
-    """Passed, failed, skipped of the package's tests, and whether pytest was content."""
+def python_tests(python: str, arguments: list[str]) -> tuple[int, int, int, bool]:
+    """Passed, failed, skipped of the package's tests by an interpreter, and whether pytest was content."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
         workers = ["-n", str(min(4, os.cpu_count() or 1)), "--dist", "loadfile"]  # what a file sets up is made once
-        command = [sys.executable, "-m", "pytest", *workers, f"--junitxml={report}", *arguments]
+        command = [python, "-m", "pytest", *workers, f"--junitxml={report}", *arguments]
         code = subprocess.run(command, cwd=ROOT, check=False).returncode
         suite = ET.parse(report).getroot().find("testsuite") if report.exists() else None
     if suite is None:
@@ -41,8 +42,12 @@ def python_tests(arguments: list[str]) -> tuple[int, int, int, bool]:
 
 
 def main() -> int:
-    """Run both; exit code 1 if anything failed."""
-    parts = (cargo_tests(), python_tests(sys.argv[1:]))
+    """Run all; exit code 1 if anything failed."""
+    chosen = sys.argv[1:]
+    parts = [cargo_tests(), python_tests(sys.executable, [*chosen, f"--ignore={OF_ROS2}"])]
+    if not chosen:
+        print("in .venv-ros2:", flush=True)
+        parts.append(python_tests(str(ROOT / ".venv-ros2" / "bin" / "python"), [OF_ROS2]))
     passed, failed, skipped = (sum(part[k] for part in parts) for k in range(3))
     fine = all(part[3] for part in parts)
     print(f"{passed} passed, {failed if fine else max(1, failed)} failed, {skipped} skipped")

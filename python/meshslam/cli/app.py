@@ -21,6 +21,7 @@ from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
 from meshslam.cli.reproduce import reproduce_app
+from meshslam.cli.ros2 import RosCommand, ros2
 from meshslam.cli.simulate import simulate
 from meshslam.cli.slam import slam
 from meshslam.cli.train_keypoints import train_keypoints
@@ -62,6 +63,7 @@ app.command("convert")(convert)
 app.command("check")(check)
 app.command("simulate")(simulate)
 app.command("demo")(demo)
+app.command("ros2", cls=RosCommand)(ros2)
 app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
