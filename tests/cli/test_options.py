@@ -66,8 +66,18 @@ BY_ANOTHER_NAME = {  # the command line's to Python's
     "imu_time_offset": "imu_time_offset_s",
     "poses_time_offset": "poses_time_offset_s",
     "map_path": "map",
+    "view": "log",  # what `open_run_log` gives
+    "serve": "log",
+    "rrd": "log",
+    "mcap": "log",
+    "colour": "log",
 }
-ELSEWHERE = {"tracker", "solver", "allow_outside"}  # settings of Config; Map.load(…, allow_outside=True)
+ELSEWHERE = {
+    "tracker",
+    "solver",
+    "allow_outside",
+    "live",
+}  # settings of Config; Map.load(…, allow_outside=True); LiveSlam
 OF_PYTHON_ALONE = {"path", "camera", "progress", "use_imu", "detections_path"}
 
 

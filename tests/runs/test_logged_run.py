@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import meshslam
 from meshslam.categories import load_category
 from meshslam.maps import Map, Trajectory
 from meshslam.runs import Config, InputConfig, Outlet, overlaid, run_localize, run_map, run_slam
@@ -133,3 +134,10 @@ def test_live_slam_tells_every_frame_and_its_result(runs):
     np.testing.assert_allclose(
         [p.translation for p in poses], [p.translation for p in path.world_from_camera], atol=1e-6
     )
+
+
+def test_a_program_gives_its_log_to_the_front_door(runs):
+    root, found = runs
+    told = Told()
+    result = meshslam.map_drive(root / "drive", config=found["map"][1], log=told)
+    assert [set(given[0]) for given in told.results] == [set(result.map)] == [set(Map.load(root / "map"))]

@@ -22,6 +22,7 @@ from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.slam_run import slam_recording
 from meshslam.sequences import Sequence
+from meshslam.viewing import RunLog
 
 Progress = Callable[[str, int, int], None]
 Drive = str | Path | Sequence
@@ -51,6 +52,7 @@ def map_drive(
     category: str | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
+    log: RunLog | None = None,
 ) -> MapResult:
     """Map a recording with known camera poses: every parked object with its pose and its own mesh.
 
@@ -59,7 +61,8 @@ def map_drive(
     a file (COCO JSON). `adapter` is a file (YAML) that says how the network is fed and read. `classes` are classes
     that are others of ours: {"vehicle": "car"}. `keypoints` switches the network of key points on or off. `category`
     is a shipped category's name or a category's file (.npz). All of these take the place of the configuration's.
-    `progress` is called with a step's name, how many are done, and of how many.
+    `progress` is called with a step's name, how many are done, and of how many. `log` is told frames and objects while
+    they are computed: see `meshslam.viewing.open_run_log`; whoever opened it closes it.
 
     In the result, lengths are in metres; vertices (V, 3) are in each object's frame; a pose covariance (6, 6) is that
     of a right perturbation (translation, rotation), m and rad. SequenceError if the recording is damaged or its poses
@@ -74,7 +77,7 @@ def map_drive(
     """
     clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
-    recording, settings, outlet = _opened(drive, seen, category, config, progress, use_imu=False)
+    recording, settings, outlet = _opened(drive, seen, category, config, progress, log, use_imu=False)
     return map_recording(recording, settings, outlet, clock=clock).result(recording, outlet)
 
 
@@ -89,6 +92,7 @@ def localize(
     keypoints: bool | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
+    log: RunLog | None = None,
 ) -> LocalizeResult:
     """Find the camera of every frame in a map of meshes, by IMU, masks and key points; poses are not needed.
 
@@ -104,7 +108,7 @@ def localize(
     """
     clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
-    recording, settings, outlet = _opened(drive, seen, None, config, progress)
+    recording, settings, outlet = _opened(drive, seen, None, config, progress, log)
     scene = map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside)
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
@@ -125,6 +129,7 @@ def slam(
     category: str | None = None,
     config: Config | None = None,
     progress: Progress | None = None,
+    log: RunLog | None = None,
 ) -> SlamResult:
     """Find camera path and objects together, from detections and IMU, or from images alone; poses are not needed.
 
@@ -140,7 +145,7 @@ def slam(
     """
     clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
-    recording, settings, outlet = _opened(drive, seen, category, config, progress)
+    recording, settings, outlet = _opened(drive, seen, category, config, progress, log)
     result = slam_recording(recording, settings, outlet, clock)
     own = stages.figures(recording, result.mapping, clock)
     own |= {} if result.estimate is None else result.estimate.figures
@@ -191,6 +196,7 @@ def _opened(
     category: str | None,
     config: Config | None,
     progress: Progress | None,
+    log: RunLog | None,
     *,
     use_imu: bool = True,
 ) -> tuple[Sequence, Config, Outlet]:
@@ -200,7 +206,7 @@ def _opened(
         chosen = replace(chosen, category=category)
     if seen.keypoints is not None:
         settings = replace(settings, keypoints=replace(settings.keypoints, enabled=seen.keypoints))
-    outlet = Outlet() if progress is None else Outlet(progress)
+    outlet = Outlet(log=log) if progress is None else Outlet(progress, log=log)
     if isinstance(drive, Sequence):
         recording = drive if chosen.detections is None else _with_detections(drive, Path(chosen.detections))
         _note_unused(chosen, outlet)
