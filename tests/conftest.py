@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+os.environ.setdefault("MESHSLAM_RECORDING", "0")  # a second of each run, which tests of it ask for
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 

@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from meshslam.maps import Map, Trajectory
-from meshslam.viewing import can_record
 from tests.cli.conftest import done, error_of, estimate, meshslam
 
 COMMANDS = (
@@ -61,9 +60,7 @@ def test_version_and_categories():
 
 def test_the_run_directory_is_complete(source, source_run):
     names = {"map.json", "trajectory.tum", "camera.yaml", "detections.json", "metrics.json", "config.yaml"}
-    names |= {"manifest.json", "left_out.json", "map.glb", "report.html", "objects"} | (
-        {"recording.rrd"} if can_record() else set()
-    )
+    names |= {"manifest.json", "left_out.json", "map.glb", "report.html", "objects"}
     assert {path.name for path in source_run.iterdir()} == names
     found = Map.load(source_run)
     assert len(found) >= 3

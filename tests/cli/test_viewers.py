@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from meshslam.cli.viewers import Viewers
 from meshslam.errors import ConfigError
 from meshslam.maps import Map
-from tests.cli.conftest import begin, done, estimate
+from tests.cli.conftest import ENVIRONMENT, begin, done, estimate
 
 
 def logged(folder):
@@ -36,6 +36,14 @@ def test_a_logged_run_gives_the_same_map_and_both_files_hold_it(source, source_r
     assert {name for name in entities if name.startswith("/world/result/objects/")} == cars
     assert counts["/camera/image"] == 6
     assert counts["/result/objects"] == 1
+
+
+def test_a_run_leaves_its_recording_unless_it_is_told_not_to(source, source_run, tmp_path, monkeypatch):
+    assert not (source_run / "recording.rrd").exists()  # the tests' MESHSLAM_RECORDING is 0
+    monkeypatch.setitem(ENVIRONMENT, "MESHSLAM_RECORDING", "1")
+    done("map", source, "--out", tmp_path / "run")
+    names = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "run" / "recording.rrd").stream()}
+    assert {f"/world/result/objects/car_{number}" for number in Map.load(source_run)} <= names
 
 
 def test_ctrl_c_leaves_whole_files(source, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence as Rows
 from typing import TYPE_CHECKING
@@ -77,7 +78,7 @@ def _save(
     clock: Clock,
     covariances: Floats | None,
 ) -> dict[str, float]:
-    """Write report.html, and recording.rrd where the Rerun SDK is installed."""
+    """Write report.html, and recording.rrd where the Rerun SDK is installed and `MESHSLAM_RECORDING` is not 0."""
     began_s = time.perf_counter()
     last: dict[str, float] = {}
 
@@ -101,7 +102,7 @@ def _save(
         covariances=covariances,
         charts=_charts(world_from_camera, scene, other_paths, figures, run),
     )
-    if can_record():
+    if can_record() and os.environ.get("MESHSLAM_RECORDING") != "0":
         with run.written("recording.rrd") as part:
             write_recording(context, part)
     run.save("report.html", write_report(context, last_figures))
