@@ -104,7 +104,7 @@ def commands():
     for page in TEXTS:
         for language, text in FENCE.findall(page.read_text(encoding="utf-8")):
             for line in text.splitlines() if language in ("", "sh") else ():
-                words = shlex.split(line.replace("…", ""), comments=True)
+                words = shlex.split(line.replace("…", "").partition("--ros-args")[0], comments=True)
                 if words and Path(words[0]).name == "meshslam":
                     yield page.name, words[1:]
 
