@@ -1,9 +1,11 @@
 """A window's steps, and what is kept between them."""
 
+from types import SimpleNamespace
+
 import gtsam
 import numpy as np
 import pytest
-from gtsam.symbol_shorthand import S, X, Z
+from gtsam.symbol_shorthand import S, V, X, Z
 
 from meshslam.geometry import Pose, exp_so3
 from meshslam.graph import Smoother, SmootherConfig, StartConfig
@@ -88,3 +90,28 @@ def test_an_estimate_follows_every_change_of_the_values():
     assert cameras.estimate(0).world_from_camera.matrix == pytest.approx(fresh(), abs=0)
     assert cameras.place_of(0).pose.matrix == pytest.approx(fresh())
     assert not np.allclose(fresh(), moved.matrix, atol=0.1)
+
+
+def test_a_checkpoint_brings_a_window_back(rng):
+    made = smoother()
+    window, cost = made.window, SimpleNamespace(evaluations=1)
+    entry = window.add(gtsam.PriorFactorVector(V(0), np.ones(3), gtsam.noiseModel.Unit.Create(3)))
+    entry.tag = SimpleNamespace(cost=cost)
+    made.solve()
+    entries, values, factor = window.entries, window.values, entry.factor
+    before, count = made.estimate(0).state.velocity_in_world, len(entries)
+    undo = window.checkpoint()
+    window.settle([entry])
+    window.values.update(V(0), np.full(3, 7.0))
+    window.add(gtsam.PriorFactorVector(V(0), np.zeros(3), gtsam.noiseModel.Unit.Create(3)))
+    cost.evaluations = 5
+    made.solve()
+    window.drop([entry])
+    undo()
+    assert window.entries is entries
+    assert window.values is values
+    assert len(entries) == count
+    assert entry.factor is factor
+    assert entry.term is None
+    assert cost.evaluations == 1
+    assert window.values.atVector(V(0)) == pytest.approx(before, abs=0)

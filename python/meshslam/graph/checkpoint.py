@@ -57,9 +57,11 @@ class Checkpoint:
         if hasattr(thing, "checkpoint"):
             self._undo.append(thing.checkpoint())
             return []
+        if isinstance(thing, ObservationTag):  # which is frozen, but holds a cost that is not
+            self._undo.append(_dict_undo(vars(thing.cost)))
+            return []
         attributes = vars(thing)
-        if not isinstance(thing, ObservationTag):  # which is frozen, but holds a cost that is not
-            self._undo.append(_dict_undo(attributes))
+        self._undo.append(_dict_undo(attributes))
         return list(attributes.values())
 
 

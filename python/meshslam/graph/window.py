@@ -7,7 +7,7 @@ equations are solved in the core. GTSAM evaluates the rest, marginalizes, and so
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -80,6 +80,28 @@ class Window:
         self.cost = 0.0
         # what `optimize` found when it linearized all factors last
         self._solution: Solution | None = None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """How to come back to what is held now.
+
+        Entries change by being settled, their observations by being linearized.
+        """
+        attributes, entries, values = dict(vars(self)), list(self.entries), gtsam.Values(self.values)
+        factors = [(entry, entry.factor, entry.term) for entry in entries]
+        costs = [cost for entry in entries if (cost := getattr(entry.tag, "cost", None)) is not None]
+        linearized = [(vars(cost), dict(vars(cost))) for cost in costs]
+
+        def undo() -> None:
+            vars(self).update(attributes)
+            self.entries[:] = entries
+            self.values.clear()
+            self.values.insert(values)
+            for entry, factor, term in factors:
+                entry.factor, entry.term = factor, term
+            for fields, held in linearized:
+                fields.update(held)
+
+        return undo
 
     def add(self, factor: gtsam.NonlinearFactor, tag: object = None, term: Term | None = None) -> Entry:
         """Take in a factor."""
