@@ -88,6 +88,14 @@ def test_file_names_outrank_ids_and_that_is_said(read, kind):
     assert "file_name, which outranks ids: 3 of 3" in found.warnings[0]
 
 
+@pytest.mark.parametrize("kind", BY_FILE)
+def test_a_part_of_the_frames_has_its_own_detections_of_a_file_of_all(read, kind):
+    names, files = BY_FILE[kind]
+    found = read(document(FROM_ONE, (1, 2, 3), names), recording(files).part([1, 3]))
+    assert frames_of(found) == {2: 1}
+    assert [i.id for i in found.images] == [1, 3]
+
+
 @pytest.mark.parametrize(
     "names", [["a.png", "b.png", "c.png"], ["9.png", "1.png", "2.png"], ["1.png", "x.png", "2.png"]]
 )

@@ -13,7 +13,7 @@ class LiveConfig(Settings):
 
     enabled: bool = public(False, doc="replay the recording by its clock through the live pipeline")
     rate: float = public(1.0, above=0, doc="of that clock: 2 is twice as fast")
-    deadline_s: float = public(0.08, above=0, doc="a frame's pose comes so soon: by IMU, where the window takes longer")
+    deadline_s: float = public(0.04, above=0, doc="a frame's pose comes so soon: by IMU, where the window takes longer")
     pending_frames: int = expert(2, low=1)  # that wait for the window or are in it; with more it is busy,
     busy_step_s: float = expert(0.18, low=0)  # and takes frames so far apart,
     max_pending_frames: int = expert(20, low=1)  # up to so many

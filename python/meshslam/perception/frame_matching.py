@@ -40,7 +40,13 @@ def frames_of_images(
     if any(id_ != frame for id_, frame in frame_of.items()):
         _tell(frame_of, names, faults)
     chosen = frame_of or {i.id: i.id for i in images}
-    part = [i for i in images if chosen.get(i.id) not in sequence.left_out_frames]
+    left_out = {_stem(name) for name in sequence.left_out_images}
+    part = [
+        i
+        for i in images
+        if chosen.get(i.id) not in sequence.left_out_frames
+        and (i.id in frame_of or _stem(names.get(i.id, "")) not in left_out)
+    ]
     fitting = [i for i in part if _fits(i, chosen, sequence, faults, by_name=bool(frame_of))]
     matched = _one_a_frame([replace(i, id=chosen[i.id]) for i in fitting], faults)
     return FrameMatch(_whole(matched, sequence), {i.id: chosen[i.id] for i in fitting})
@@ -73,7 +79,7 @@ def _by_number(names: Mapping[int, str], images: tuple[ImageEntry, ...], sequenc
     """Frames by the numbers that the names end with; empty unless every image has one, and each is a frame."""
     ends = {id_: _LAST_NUMBER.search(_stem(name)) for id_, name in names.items()}
     numbers = {id_: int(end.group()) for id_, end in ends.items() if end is not None}
-    frames = set(sequence.frame_ids)
+    frames = {*sequence.frame_ids, *sequence.left_out_frames}
     whole = len(numbers) == len(images) == len(set(numbers.values()))
     return numbers if whole and all(n in frames for n in numbers.values()) else {}
 

@@ -81,6 +81,7 @@ class Sequence:
     distortion: Distortion | None = None  # of the raw images and detections; None: they are pinhole already
     partial_poses: Mapping[int, Pose] | None = None  # world_from_camera by index, where only some frames have one
     left_out_frames: frozenset[int] = frozenset()  # numbers of frames that the recording has, but not this part of it
+    left_out_images: frozenset[str] = frozenset()  # names of their images
     notes: tuple[str, ...] = ()  # what reading found and could handle
     index: RecordingIndex | None = None  # where things lie in files that are long to read through
 
@@ -113,6 +114,7 @@ class Sequence:
         poses = dict(enumerate(self.world_from_camera or ())) or dict(self.partial_poses or {})
         known = {i: poses[k] for i, k in enumerate(kept) if k in poses}
         every, some = all_or_some(known, len(kept))
+        names = () if self.images is None else self.images.names
         return replace(
             self,
             frame_ids=tuple(self.frame_ids[i] for i in kept),
@@ -121,6 +123,7 @@ class Sequence:
             world_from_camera=every,
             partial_poses=some,
             left_out_frames=self.left_out_frames | (set(self.frame_ids) - {self.frame_ids[i] for i in kept}),
+            left_out_images=self.left_out_images | (set(names) - {names[i] for i in kept if i < len(names)}),
         )
 
     @property
