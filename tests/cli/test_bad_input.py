@@ -269,6 +269,25 @@ def test_links_in_a_circle_are_one_line(source, tmp_path):
     assert "loop" in error_of(meshslam("simulate", loop))
 
 
+def test_ctrl_c_in_the_middle_of_an_import_is_ctrl_c(monkeypatch, capsys):
+    def interrupted():
+        try:
+            raise cli_app._Interrupted
+        except cli_app._Interrupted as error:
+            raise ImportError("initialization failed") from error
+
+    def ended(code):
+        raise SystemExit(code)
+
+    monkeypatch.setattr(cli_app, "app", interrupted)
+    monkeypatch.setattr(cli_app.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(cli_app.os, "_exit", ended)
+    with pytest.raises(SystemExit) as end:
+        cli_app.main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err.startswith("interrupted: ")
+
+
 def test_a_fault_of_ours_is_one_line_and_a_file(tmp_path, monkeypatch, capsys):
     def faulty():
         raise ZeroDivisionError("a\nb")

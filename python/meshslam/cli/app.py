@@ -77,17 +77,35 @@ def main() -> None:
     signal.signal(signal.SIGINT, _interrupt)
     try:
         app()
-    except MeshslamError as error:
-        _end(f"error: {error}", USER_ERROR)
-    except OSError as error:
+    except SystemExit:
+        raise
+    except BaseException as error:  # the last place where it can be told
+        _end(*_told(error))
+
+
+def _told(error: BaseException) -> tuple[str, int]:
+    """What an exception says to the user, and the exit code."""
+    if _is_interrupt(error):
+        return "interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED
+    if isinstance(error, MeshslamError):
+        return f"error: {error}", USER_ERROR
+    if isinstance(error, OSError):
         where = f" {error.filename}" if error.filename else ""
-        _end(f"error:{where}: {error.strerror or error}", USER_ERROR)
-    except MemoryError:
-        _end("error: out of memory: give fewer frames, or lower objects.max_views in the configuration", USER_ERROR)
-    except Exception as error:
-        _end(f"error: {_fault(error)}", FAULT)
-    except (KeyboardInterrupt, _Interrupted):
-        _end("interrupted: what is written is whole; the same command again goes on from there", INTERRUPTED)
+        return f"error:{where}: {error.strerror or error}", USER_ERROR
+    if isinstance(error, MemoryError):
+        return "error: out of memory: give fewer frames, or lower objects.max_views in the configuration", USER_ERROR
+    return f"error: {_fault(error)}", FAULT
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: while native code is imported it becomes an ImportError."""
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        if isinstance(error, KeyboardInterrupt | _Interrupted):
+            return True
+        seen.add(id(error))
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def one_blas_thread() -> None:
@@ -99,10 +117,10 @@ def one_blas_thread() -> None:
         os.environ[THREADS] = "1"
 
 
-def _fault(error: Exception) -> str:
+def _fault(error: BaseException) -> str:
     """A fault of ours in one line; the traceback lies in a file of its own."""
     with tempfile.NamedTemporaryFile("w", prefix="meshslam-fault-", suffix=".txt", delete=False) as file:
-        traceback.print_exc(file=file)
+        traceback.print_exception(error, file=file)
     said = " ".join(str(error).split())[:150]
     return (
         f"{type(error).__name__}: {said}: this is a fault of meshslam, which should have said what is wrong with the "

@@ -66,7 +66,8 @@ class LiveSlam:
     called for every frame in its order, from a fourth thread.
 
     `add_imu` and `add_frame` never wait; queues are bounded, and `counts` tells what was skipped. An IMU is needed.
-    Images are undistorted, BGR (h, w, 3). Arguments are those of `Slam`.
+    Images are undistorted, BGR (h, w, 3). Arguments are those of `Slam`. CategoryError if the category cannot be found,
+    ModelError if the network cannot be loaded; `add_frame` and `finish` say what they raise.
 
     Example:
         live = meshslam.LiveSlam(camera, imu_from_camera=mounting, segmenter="yolov5n-seg.onnx", on_pose=print)
@@ -253,6 +254,7 @@ class LiveSlam:
         """Take in what waits, then smooth and fit everything as `Slam.finish` does; the run is closed.
 
         The path has all frames from the first one on: those that the window skipped follow from the IMU.
+        SequenceError, with counts, if SLAM has not started.
         """
         self.close()
         self._raise()
