@@ -8,7 +8,7 @@ import pytest
 from meshslam.categories import load_category
 from meshslam.maps import Map, Trajectory, TrajectoryEstimate
 from meshslam.simulation import ImuNoise, make_street, write_recording
-from tests.cli.conftest import SMALL, done, error_of, meshslam
+from tests.cli.conftest import SMALL, error_of, meshslam
 
 
 @pytest.fixture(scope="module")
@@ -20,13 +20,14 @@ def moving(tmp_path_factory):
 
 def test_a_replay_leaves_a_whole_run_with_counts(moving, tmp_path):
     run = tmp_path / "run"
-    done("slam", moving, "--segmenter", "colour", "--live", "--rate", "0.5", "--out", run)
+    told = meshslam("slam", moving, "--segmenter", "colour", "--live", "--rate", "0.5", "--out", run)
+    assert told.returncode in (0, 3), told.stderr  # 3: a busy machine saw too little of the cars, which it says
     figures = json.loads((run / "metrics.json").read_text())
     frames = figures["live_frames"]
     assert frames == figures["frames"] == len(Trajectory.load(run / "trajectory.tum"))
     assert figures["live_frames_taken_in"] + figures["live_frames_skipped"] + figures["live_frames_failed"] == frames
-    told = figures["live_poses_by_window"] + figures["live_poses_by_imu"] + figures["live_poses_waiting"]
-    assert told == frames
+    poses = figures["live_poses_by_window"] + figures["live_poses_by_imu"] + figures["live_poses_waiting"]
+    assert poses == frames
     assert figures["live_frames_segmented"] > 3
     assert figures["seconds_live"] > 19 / 10 / 0.5  # by the clock, half as fast
     assert "ate_rmse_m" in figures

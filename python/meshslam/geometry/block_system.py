@@ -26,7 +26,7 @@ def _plain(group: VariableGroup) -> tuple[np.ndarray[tuple[int, ...], np.dtype[n
 
 
 class Variables:
-    """Values of variables."""
+    """Values of some variables: poses, rotations and vectors, each with its key."""
 
     __slots__ = ("native",)
 
