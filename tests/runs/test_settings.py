@@ -106,7 +106,7 @@ def test_every_setting_says_what_it_is():
 
 def test_some_thirty_are_public_beside_the_input():
     public = [path for path, known in KNOWN.items() if known.about.kind == "public"]
-    assert len([path for path in public if not path.startswith("input.")]) <= 39
+    assert len([path for path in public if not path.startswith("input.")]) <= 36
 
 
 def test_names_are_of_one_dialect():

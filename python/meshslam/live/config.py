@@ -11,8 +11,8 @@ from meshslam.settings import Settings, expert, public
 class LiveConfig(Settings):
     """SLAM at the camera's rate: what a frame may wait for, and what is done at once."""
 
-    enabled: bool = public(False, doc="replay the recording by its clock through the live pipeline")
-    rate: float = public(1.0, above=0, doc="of that clock: 2 is twice as fast")
+    enabled: bool = expert(False)  # replay the recording by its clock through the live pipeline
+    rate: float = expert(1.0, above=0)  # of that clock: 2 is twice as fast
     deadline_s: float = public(0.04, above=0, doc="a frame's pose comes so soon: by IMU, where the window takes longer")
     pending_frames: int = expert(2, low=1)  # that wait for the window or are in it; with more it is busy,
     busy_step_s: float = expert(0.18, low=0)  # and takes frames so far apart,

@@ -12,7 +12,7 @@ import numpy as np
 
 from meshslam.categories import load_category
 from meshslam.errors import ConfigError, MeshslamError, SequenceError
-from meshslam.live import LivePose, LiveSlam, replay
+from meshslam.live import LiveCounts, LivePose, LiveSlam, replay
 from meshslam.maps import Trajectory
 from meshslam.motion import check_imu, start_state
 from meshslam.object_slam import SlamResult, path_alone, world_of
@@ -28,6 +28,7 @@ from meshslam.sequences import Sequence
 
 _LEAST_SHARE = 0.2  # of frames that the network should reach
 _MOST_NOTES = 5
+_LATE_S = 0.05  # beyond the deadline
 _OBJECTS_STEP_S = 0.5  # in which a log is told the objects
 
 
@@ -86,7 +87,7 @@ def live_recording(recording: Sequence, settings: Config, outlet: Outlet, clock:
     with clock.timing("localization"):
         result = live.finish(partial(world_of, recording, settings), progress=outlet.progress)
     clock.move("localization", "mapping", result.refinement_s)
-    for note in (*result.notes, *_count_notes(live)):
+    for note in (*result.notes, *count_notes(live.counts, settings.live.deadline_s)):
         outlet.note(note)
     alone, name = path_alone(recording, settings, live.first_state, result.world_from_graph)
     result = replace(result, alone=alone, alone_by=name)
@@ -152,9 +153,9 @@ def _given_detections(recording: Sequence, settings: Config, outlet: Outlet) -> 
     return found
 
 
-def _count_notes(live: LiveSlam) -> list[str]:
+def count_notes(counts: LiveCounts, deadline_s: float) -> list[str]:
     """What of the counts the user should know."""
-    counts, notes = live.counts, []
+    notes: list[str] = []
     if counts.segmented < _LEAST_SHARE * counts.frames:
         notes.append(
             f"live: the network reached {counts.segmented} of {counts.frames} frames only: cars may be missing; a "
@@ -165,6 +166,20 @@ def _count_notes(live: LiveSlam) -> list[str]:
             f"live: the window took in {counts.taken_in} of {counts.frames} frames: this machine is busy, or too slow "
             "for this rate; the other frames' poses follow from the IMU"
         )
+    late_s = counts.latency_s(0.95)
+    if late_s > deadline_s + _LATE_S:
+        notes.append(
+            f"live: 5% of the poses came {late_s:.2f} s after their frames or later, not after live.deadline_s, "
+            f"{deadline_s:g} s: this machine is busy, or too slow for this rate"
+        )
+    for count, what in (
+        (counts.perceptions_failed, "images or detections could not be used"),
+        (counts.too_late, "segmented frames had left the window"),
+        (counts.imu_left_out, "IMU samples were left out: no numbers, wild, or there already"),
+        (counts.dropped_poses, "poses were not taken in time by the program"),
+    ):
+        if count:
+            notes.append(f"live: {count} {what}")
     if counts.failed:
         notes.append(f"live: {counts.failed} frames could not be taken in, as said above")
     return notes
