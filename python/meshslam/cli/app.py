@@ -17,6 +17,7 @@ from meshslam.cli.check import check
 from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
+from meshslam.cli.export import export
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
@@ -26,6 +27,7 @@ from meshslam.cli.simulate import simulate
 from meshslam.cli.slam import slam
 from meshslam.cli.train_keypoints import train_keypoints
 from meshslam.cli.version import version
+from meshslam.cli.view import view
 from meshslam.errors import MeshslamError
 
 THREADS = "OPENBLAS_NUM_THREADS"  # of NumPy's and SciPy's linear algebra
@@ -61,6 +63,8 @@ app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("convert")(convert)
 app.command("check")(check)
+app.command("export")(export)
+app.command("view")(view)
 app.command("simulate")(simulate)
 app.command("demo")(demo)
 app.command("ros2", cls=RosCommand)(ros2)

@@ -7,6 +7,7 @@ from meshslam.deferred import deferred
 if TYPE_CHECKING:
     from meshslam.files.atomic import (
         LEFTOVER_SUFFIX,
+        part_of,
         remove_leftovers,
         remove_leftovers_of,
         write_atomically,
@@ -23,8 +24,8 @@ else:
         __name__,
         {
             "atomic": (
-                "LEFTOVER_SUFFIX remove_leftovers remove_leftovers_of write_atomically write_into write_together "
-                "written_aside"
+                "LEFTOVER_SUFFIX part_of remove_leftovers remove_leftovers_of write_atomically write_into "
+                "write_together written_aside"
             ),
             "digest": "digest_of digest_of_file",
             "folder": "LIST replaced_folder",
@@ -42,6 +43,7 @@ __all__ = [
     "locked",
     "map_file",
     "must_exist",
+    "part_of",
     "real_path",
     "remove_leftovers",
     "remove_leftovers_of",

@@ -8,7 +8,7 @@ from meshslam.files import remove_leftovers, write_atomically, write_together
 if TYPE_CHECKING:
     from meshslam.maps.camera_path import CameraPath
     from meshslam.maps.figures import read_figures
-    from meshslam.maps.gltf import object_colour, save_glb, to_glb
+    from meshslam.maps.gltf import linear, object_colour, save_glb, to_glb, vertex_colours
     from meshslam.maps.map import Map
     from meshslam.maps.objects import MapObject
     from meshslam.maps.ply import PlyMesh, format_ply
@@ -21,7 +21,7 @@ else:
         {
             "camera_path": "CameraPath",
             "figures": "read_figures",
-            "gltf": "object_colour save_glb to_glb",
+            "gltf": "linear object_colour save_glb to_glb vertex_colours",
             "map": "Map",
             "objects": "MapObject",
             "ply": "PlyMesh format_ply",
@@ -42,11 +42,13 @@ __all__ = [
     "Trajectory",
     "TrajectoryEstimate",
     "format_ply",
+    "linear",
     "object_colour",
     "read_figures",
     "remove_leftovers",
     "save_glb",
     "to_glb",
+    "vertex_colours",
     "write_atomically",
     "write_together",
 ]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from meshslam.files import write_atomically
-from meshslam.geometry import Bytes, Floats, Ints
+from meshslam.geometry import Bytes, Camera, Floats, Ints
 from meshslam.maps.map import Map
 from meshslam.maps.objects import MapObject
 from meshslam.maps.trajectory import Trajectory
@@ -20,14 +21,24 @@ if TYPE_CHECKING:
 
 # glTF is y up, z towards the viewer: (x, y, z)_gltf = (x, z, -y)_world
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+_CAMERA_FROM_GLTF_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])  # glTF's looks along -z, y up
 PATH_RADIUS_M, PATH_SIDES = 0.06, 8
 PATH_COLOUR = np.array([235, 110, 20, 255], np.uint8)
 UNSURE_COLOUR = np.array([150.0, 150.0, 150.0])
 SURE_SIGMA_M, UNSURE_SIGMA_M = 0.03, 0.15
 
 
-def to_glb(scene_map: Map, trajectory: Trajectory | None = None) -> bytes:
-    """Draw every object in its own colour, grey where its surface is not known well, and the path as a tube."""
+def to_glb(
+    scene_map: Map,
+    trajectory: Trajectory | None = None,
+    camera: Camera | None = None,
+    frame_ids: Sequence[int] | None = None,
+) -> bytes:
+    """Draw every object in its own colour, grey where its surface is not known well, and the path as a tube.
+
+    Nodes of objects have their properties as `extras`. With `camera` each pose of the trajectory is a camera's node,
+    called by its frame's number.
+    """
     import trimesh  # slow to import
     from trimesh.exchange.gltf import export_glb
 
@@ -42,7 +53,63 @@ def to_glb(scene_map: Map, trajectory: Trajectory | None = None) -> bytes:
     if not scene.geometry:
         scene.add_geometry(_mark(), node_name="empty", geom_name="empty", transform=GLTF_FROM_WORLD)
     export: Callable[..., bytes] = export_glb
-    return export(scene, include_normals=True)
+    return export(
+        scene, include_normals=True, tree_postprocessor=partial(_complete, scene_map, trajectory, camera, frame_ids)
+    )
+
+
+def _complete(
+    scene_map: Map,
+    trajectory: Trajectory | None,
+    camera: Camera | None,
+    frame_ids: Sequence[int] | None,
+    tree: dict[str, Any],
+) -> None:
+    """Add to a glTF tree what trimesh does not write: properties of objects, cameras."""
+    properties = {f"{thing.category}_{thing.id}": _properties(thing) for thing in scene_map.objects}
+    for node in tree["nodes"]:
+        if node.get("name") in properties:
+            node["extras"] = properties[node["name"]]
+    if camera is None or trajectory is None or not len(trajectory):
+        return
+    tree["cameras"] = [_perspective(camera)]
+    names = range(len(trajectory)) if frame_ids is None else frame_ids
+    for name, pose in zip(names, trajectory.world_from_camera, strict=True):
+        matrix = GLTF_FROM_WORLD @ pose.matrix @ _CAMERA_FROM_GLTF_CAMERA
+        node = {"name": f"camera_{name}", "camera": 0, "matrix": (np.round(matrix.T.ravel(), 9) + 0.0).tolist()}
+        tree["scenes"][0]["nodes"].append(len(tree["nodes"]))
+        tree["nodes"].append(node)
+
+
+def _properties(thing: MapObject) -> dict[str, Any]:
+    """What a viewer shows of an object, metres; what is not known is left out."""
+    sigma = None if thing.vertex_sigma_m is None else round(float(np.median(thing.vertex_sigma_m)), 6)
+    observed = None if thing.vertex_observed is None else round(float(np.mean(thing.vertex_observed)), 6)
+    found = {
+        "id": thing.id,
+        "category": thing.category,
+        "dimensions_m": np.round(thing.dimensions, 6).tolist(),
+        "views": thing.views,
+        "mask_iou": None if thing.mask_iou is None else round(thing.mask_iou, 6),
+        "surface_sigma_median_m": sigma,
+        "observed_share": observed,
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _perspective(camera: Camera) -> dict[str, Any]:
+    """The field of view; glTF's axis goes through the middle of the image, the rest is in the extras."""
+    intrinsics = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy", "skew")}
+    return {
+        "name": "camera",
+        "type": "perspective",
+        "perspective": {
+            "aspectRatio": camera.width * camera.fy / (camera.height * camera.fx),
+            "yfov": 2 * float(np.arctan(camera.height / (2 * camera.fy))),
+            "znear": 0.1,
+        },
+        "extras": {"intrinsics_px": intrinsics},
+    }
 
 
 def save_glb(path: Path, scene_map: Map, trajectory: Trajectory | None = None) -> None:

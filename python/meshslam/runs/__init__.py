@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from meshslam.runs.map_run import map_recording, run_map
     from meshslam.runs.notes import imu_notes, object_notes
     from meshslam.runs.opening import open_input
+    from meshslam.runs.other_formats import export_run
     from meshslam.runs.outlet import Outlet
     from meshslam.runs.perception import segment_frames, with_keypoints
     from meshslam.runs.report import save_localization_report, save_map_report
@@ -34,6 +35,7 @@ else:
             "map_run": "map_recording run_map",
             "notes": "imu_notes object_notes",
             "opening": "open_input",
+            "other_formats": "export_run",
             "outlet": "Outlet",
             "perception": "segment_frames with_keypoints",
             "report": "save_localization_report save_map_report",
@@ -52,6 +54,7 @@ __all__ = [
     "check_recording",
     "configured",
     "evaluate",
+    "export_run",
     "imu_notes",
     "localize",
     "map_drive",
