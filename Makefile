@@ -10,7 +10,7 @@ RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.l
 export OMP_NUM_THREADS ?= 2
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 
-.PHONY: help setup demo test lint docs format bench bench-render fuzz clean
+.PHONY: help setup demo test wheel try-wheel lint docs format bench bench-render fuzz clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -39,6 +39,14 @@ $(ROS2)/.packages: requirements-ros2.lock $(VENV)/.packages
 
 test: setup $(ROS2)/.packages ## every test; those of the ROS 2 node in .venv-ros2
 	$(BIN)/python scripts/test.py
+
+wheel: setup ## a wheel for Python 3.11 and newer, and the source distribution, in dist/
+	$(BIN)/maturin build --release --quiet --out dist
+	$(BIN)/maturin sdist --out dist 2>/dev/null
+	@ls -l dist
+
+try-wheel: wheel ## install the wheel in an empty environment, without a compiler, and run the demo there
+	$(BIN)/python scripts/try_wheel.py "$$(ls -t dist/*.whl | head -1)"
 
 lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, stub against binary: warnings are errors
 	cargo fmt --all --check

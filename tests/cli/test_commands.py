@@ -182,32 +182,3 @@ def test_check_of_a_missing_folder(tmp_path):
     result = meshslam("check", tmp_path / "nowhere")
     assert result.returncode == 1
     assert "no such folder" in result.stdout
-
-
-def test_the_demo_maps_finds_itself_again_and_runs_slam(tmp_path):
-    """Whole, as a user's first command is."""
-    out = tmp_path / "demo"
-    runs = json.loads(done("demo", "--out", out, "--json").stdout)
-    mapped, localized, slam = runs["map"], runs["localize"], runs["slam"]
-    assert mapped["recall"] == 1.0
-    assert mapped["objects_mapped"] == 8
-    assert mapped["voxel_iou_mean"] > max(0.88, mapped["voxel_iou_category_model"])
-    assert mapped["centre_error_median_m"] < 0.1
-    assert localized["ate_rmse_m"] < 0.05
-    assert localized["ate_rmse_m"] < localized["ate_initial_rmse_m"]
-    assert slam["end_error_percent"] < 1.5
-    assert slam["recall"] > 0.8
-    assert {path.name for path in out.iterdir()} == {
-        "street_0",
-        "street_0_again",
-        "map",
-        "localize",
-        "slam",
-        "report.html",
-    }
-    page = (out / "report.html").read_text()
-    assert page.count("data:image/jpeg") == page.count("<svg class=plan") == 1
-    assert all(f">{thing.id}</text>" in page for thing in Map.load(out / "map").objects)
-    for name in runs:
-        assert f"{name}/report.html" in page
-        assert (out / name / "report.html").stat().st_size > 100_000

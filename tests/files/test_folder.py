@@ -68,3 +68,15 @@ def test_a_folder_of_an_earlier_version_is_known_by_its_names(tmp_path):
     (tmp_path / "made" / "mine.doc").write_text("mine")
     put(tmp_path / "made", b="2")
     assert found(tmp_path / "made") == {"b": "2", "mine.doc": "mine"}
+
+
+def test_a_link_in_a_circle_is_refused_before_the_block_runs(tmp_path):
+    loop, worked = tmp_path / "loop", []
+    loop.symlink_to("loop")
+    with (
+        pytest.raises(SequenceError, match="loop: is no folder"),
+        replaced_folder(loop, (), lambda: None, SequenceError),
+    ):
+        worked.append(1)
+    assert not worked
+    assert loop.is_symlink()

@@ -21,6 +21,7 @@ from meshslam.cli.export import export
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
+from meshslam.cli.quiet import can_be_quiet
 from meshslam.cli.reproduce import reproduce_app
 from meshslam.cli.ros2 import RosCommand, ros2
 from meshslam.cli.simulate import simulate
@@ -36,7 +37,7 @@ USER_ERROR, FAULT, INTERRUPTED = 2, 70, 130
 app = typer.Typer(
     name="meshslam",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -57,16 +58,16 @@ def options(
     """Object-level SLAM with instance-specific meshes: maps in which every car has its pose and its own shape."""
 
 
-app.command("map")(map_)
-app.command("localize")(localize)
-app.command("slam")(slam)
-app.command("detect")(detect)
-app.command("convert")(convert)
+app.command("map")(can_be_quiet(map_))
+app.command("localize")(can_be_quiet(localize))
+app.command("slam")(can_be_quiet(slam))
+app.command("detect")(can_be_quiet(detect))
+app.command("convert")(can_be_quiet(convert))
 app.command("check")(check)
-app.command("export")(export)
+app.command("export")(can_be_quiet(export))
 app.command("view")(view)
-app.command("simulate")(simulate)
-app.command("demo")(demo)
+app.command("simulate")(can_be_quiet(simulate))
+app.command("demo")(can_be_quiet(demo))
 app.command("ros2", cls=RosCommand)(ros2)
 app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)

@@ -31,6 +31,8 @@ def replaced_folder(
     try:
         _recover(folder, part, old)
         check()
+        if folder.is_symlink() or (folder.exists() and not folder.is_dir()):  # a link that leads in a circle
+            raise error(f"{folder}: is no folder that can be replaced: choose another place")
         part.mkdir(parents=True)
         yield part
         _write_list(part, error)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from meshslam.viewing.report import write_report
     from meshslam.viewing.rerun_log import RerunLog, can_record
     from meshslam.viewing.run_log import Colouring, RunLog
+    from meshslam.viewing.tables import describe
 else:
     __getattr__ = deferred(
         __name__,
@@ -39,6 +40,7 @@ else:
             "report": "write_report",
             "rerun_log": "RerunLog can_record",
             "run_log": "Colouring RunLog",
+            "tables": "describe",
         },
     )
 
@@ -56,6 +58,7 @@ __all__ = [
     "can_write_mcap",
     "category_page",
     "category_png",
+    "describe",
     "draw_overlay",
     "figure_rows",
     "footprint",

@@ -62,6 +62,8 @@ FIGURES: dict[str, Figure] = {
     "seconds_mapping": Figure(COST, "mapping", "s", 1),
     "seconds_localization": Figure(COST, "localization", "s", 1),
     "seconds_imports": Figure(COST, "start and imports", "s", 1),
+    "position_sigma_mean_m": Figure(RUN, "sigma of a position, mean", "m", 3),
+    "rotation_sigma_mean_deg": Figure(RUN, "sigma of a rotation, mean", "°", 3),
     "seconds_report": Figure(COST, "report", "s", 1),
     "milliseconds_per_frame": Figure(COST, "per frame", "ms", 0),
     "peak_memory_mb": Figure(COST, "peak memory", "MB", 0),
