@@ -121,7 +121,7 @@ def test_a_drive_gives_odometry_a_path_and_a_map_and_services_answer(world, told
     sent, odometry = published_ns(world), heard["odometry"]
     assert len(odometry) >= 5
     assert {row["ns"] for row in odometry} <= sent
-    assert all(row["frames"] == ["map", "camera_optical"] for row in odometry)
+    assert all(row["frames"] == ["odom", "camera_optical"] for row in odometry)
     covariances = np.array([row["covariance"] for row in odometry]).reshape(-1, 6, 6)
     assert (np.linalg.eigvalsh(covariances) > 0).all()
     turns = Rotation.from_quat([row["pose"][3:] for row in odometry]).as_matrix()

@@ -142,10 +142,11 @@ class Wired:
     """A node with a stand-in, and what it publishes."""
 
     def __init__(self, ros, out, **changes):
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry
         from rclpy.executors import SingleThreadedExecutor
 
-        self.made, self.odometry = [], []
+        self.made, self.odometry, self.poses = [], [], []
         node, context = ros
         self.saving = Saving(out, Config(), "slam", overwrite=False).__enter__()
         body = changes.pop("camera_from_body", None)
@@ -166,6 +167,7 @@ class Wired:
             camera_from_body=body,
         )
         node.create_subscription(Odometry, "/meshslam/odometry", self.odometry.append, 10)
+        node.create_subscription(PoseWithCovarianceStamped, "/meshslam/pose", self.poses.append, 10)
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(node)
         self.begun(1)
@@ -207,9 +209,10 @@ class Wired:
         self.executor.shutdown()
 
 
-def live_pose(frame, pose, covariance):
+def live_pose(frame, pose, covariance, map_from_odometry=None):
     velocity = np.array([5.0, 1.0, 0.0])
-    return LivePose(frame, FIRST_S + 0.1 * frame, pose, covariance, velocity, 0.01, "window")
+    moved = map_from_odometry or Pose.identity()
+    return LivePose(frame, FIRST_S + 0.1 * frame, pose, covariance, velocity, 0.01, "window", map_from_odometry=moved)
 
 
 def test_odometry_of_the_body_is_where_the_body_is(ros, tmp_path, rng):
@@ -223,7 +226,7 @@ def test_odometry_of_the_body_is_where_the_body_is(ros, tmp_path, rng):
         wired.made[0].on_pose(live_pose(1, pose, covariance))
         wired.until(lambda: wired.odometry)
         told = wired.odometry[0]
-        assert (told.header.frame_id, told.child_frame_id) == ("map", "base_link")
+        assert (told.header.frame_id, told.child_frame_id) == ("odom", "base_link")
         stamp = image_message(np.zeros((1, 1, 3), np.uint8), FIRST_S + 0.1).header.stamp
         assert told.header.stamp == stamp
         p, q = told.pose.pose.position, told.pose.pose.orientation
@@ -236,6 +239,36 @@ def test_odometry_of_the_body_is_where_the_body_is(ros, tmp_path, rng):
         np.testing.assert_allclose(in_world, [5.0, 1.0, 0.0], atol=1e-9)  # nothing turns: the body moves as the IMU
     finally:
         wired.close()
+
+
+def test_a_closed_loop_moves_the_pose_in_the_map_and_not_the_odometry(ros, tmp_path, rng):
+    """REP 105: odom is continuous, map is where the world is; the covariance turns with the axes."""
+    wired = Wired(ros, tmp_path / "run")
+    try:
+        half = rng.normal(0, 0.1, (6, 6))
+        in_odometry, covariance = Pose.exp(rng.normal(0, 1, 6)), half @ half.T
+        corrected = Pose.from_yaw(0.4, np.array([3.0, -2.0, 0.5]))
+        for k in range(3):
+            wired.image(0.1 * k)
+        wired.made[0].on_pose(live_pose(1, in_odometry, covariance))
+        wired.made[0].on_pose(live_pose(2, corrected @ in_odometry, covariance, corrected))
+        wired.until(lambda: len(wired.odometry) == 2 and len(wired.poses) == 2)
+        for told, expected in zip(wired.odometry, (in_odometry, in_odometry), strict=True):
+            assert told.header.frame_id == "odom"
+            check_pose(told.pose, expected, covariance)
+        for told, expected in zip(wired.poses, (in_odometry, corrected @ in_odometry), strict=True):
+            assert told.header.frame_id == "map"
+            check_pose(told.pose, expected, covariance)
+    finally:
+        wired.close()
+
+
+def check_pose(told, expected, covariance):
+    p, q = told.pose.position, told.pose.orientation
+    found = Pose.from_quaternion(np.array([q.x, q.y, q.z, q.w]), np.array([p.x, p.y, p.z]), order="xyzw")
+    np.testing.assert_allclose(found.matrix, expected.matrix, atol=1e-12)
+    turned = pose_covariance_in_parent(expected, covariance)
+    np.testing.assert_allclose(told.covariance.reshape(6, 6), turned, atol=1e-12)
 
 
 def test_an_estimation_that_stopped_is_said_and_begun_anew_by_reset(ros, tmp_path):

@@ -30,6 +30,14 @@ class LivePose:
     ]  # what the pose follows from: the frame's own features, or the IMU since then
     objects: tuple[int, ...] = ()  # ids in the map, of the objects that were observed with this frame
     notes: tuple[str, ...] = ()  # what was left out, and why
+    map_from_odometry: Pose = field(
+        default_factory=Pose.identity
+    )  # changes when a loop closes: the pose in the odometry's world does not jump
+
+    @property
+    def odometry_from_camera(self) -> Pose | None:
+        """The pose in a world that no loop closure moves (REP 105's odom)."""
+        return None if self.world_from_camera is None else self.map_from_odometry.inverse() @ self.world_from_camera
 
 
 @dataclass

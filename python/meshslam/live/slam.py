@@ -440,7 +440,7 @@ class LiveSlam:
         if state is not None and state.is_started:
             notes = (*state.notes, *notes)
             seen = (state.world_from_camera, state.camera_covariance, state.velocity_in_world)
-            return LivePose(number, time_s, *seen, since_s(), WINDOW, state.objects, notes)
+            return LivePose(number, time_s, *seen, since_s(), WINDOW, state.objects, notes, state.world_from_odometry)
         if prediction is None:
             return LivePose(number, time_s, None, None, None, since_s(), WAITING, (), notes)
         newest, map_from_odometry = prediction
@@ -452,7 +452,7 @@ class LiveSlam:
             map_from_odometry @ found.world_from_camera,
             map_from_odometry.rotation @ found.velocity_in_world,
         )
-        return LivePose(number, time_s, pose, found.covariance, velocity, since_s(), IMU, (), notes)
+        return LivePose(number, time_s, pose, found.covariance, velocity, since_s(), IMU, (), notes, map_from_odometry)
 
 
 def _for_live(given: SlamSettings, live: LiveConfig) -> SlamParts:

@@ -67,6 +67,19 @@ def odometry_message(
     return message
 
 
+def sure_pose_message(frame_id: str, nanoseconds: int, world_from_child: Pose, covariance: Floats | None) -> Any:  # noqa: ANN401 # geometry_msgs/PoseWithCovarianceStamped
+    """A pose with its covariance (6, 6), that of a right perturbation; what is not known has the variance 1e6."""
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    message = PoseWithCovarianceStamped(header=header(frame_id, nanoseconds))
+    message.pose.pose = pose_message(world_from_child)
+    known = np.eye(6) * UNKNOWN_VARIANCE
+    if covariance is not None:
+        known = pose_covariance_in_parent(world_from_child, covariance)
+    message.pose.covariance = [float(v) for v in known.ravel()]
+    return message
+
+
 def stamped_pose(frame_id: str, nanoseconds: int, pose: Pose) -> Any:  # noqa: ANN401 # geometry_msgs/PoseStamped
     """One pose of a path."""
     from geometry_msgs.msg import PoseStamped

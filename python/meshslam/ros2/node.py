@@ -156,7 +156,7 @@ class SlamNode:
             covariance = None if covariance is None else covariance_of_body(covariance, self._camera_from_body)
             child = self._options.body_frame
         self.path.add(pose.time_s, pose.world_from_camera)
-        self._outlets.pose(stamp, child, world_from_child, covariance, self._twist(pose))
+        self._outlets.pose(stamp, child, world_from_child, pose.map_from_odometry, covariance, self._twist(pose))
 
     def _note(self, note: str) -> None:
         """Say what the estimation says, every 5 s at most where only numbers differ."""

@@ -41,6 +41,7 @@ class NodeOptions:
     overwrite: bool = _option(False, "replace the run that is in the run directory")
     refine: bool = _option(True, "at the end, smooth all and fit the meshes once more")
     map_frame: str = _option("map", "name of the map's frame (REP 105)")
+    odom_frame: str = _option("odom", "name of the frame in which the path does not jump (REP 105)")
     body_frame: str = _option("base_link", "name of the body's frame, where camera_from_body is given")
     publish_tf: bool = _option(True, "publish /tf, where tf2_msgs is installed and camera_from_body is given")
     patience_s: float = _option(3.0, "seconds without a message until the node says so")

@@ -28,6 +28,7 @@ class Outlets:
     def __init__(self, node: Any, options: NodeOptions, say: Callable[[str], None]) -> None:  # noqa: ANN401 # rclpy's
         """`node` is a rclpy Node; `say` warns of subscribers that cannot be served."""
         from diagnostic_msgs.msg import DiagnosticArray
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry, Path
         from rclpy.event_handler import PublisherEventCallbacks
         from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -67,6 +68,7 @@ class Outlets:
 
         latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
         self._odometry = publisher(Odometry, "~/odometry", qos(50, volatile))
+        self._pose = publisher(PoseWithCovarianceStamped, "~/pose", qos(50, volatile))
         self._path_out = publisher(Path, "~/path", qos(1, latched))
         self._objects = publisher(MarkerArray, "~/objects", qos(_HISTORY, latched), self._joined)
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics", qos(10, volatile))
@@ -91,22 +93,28 @@ class Outlets:
         nanoseconds: int,
         child: str,
         world_from_child: Pose,
+        map_from_odometry: Pose,
         covariance: Floats | None,
         twist: tuple[Floats, Floats] | None,
     ) -> None:
-        """Publish odometry, and /tf; add to the path."""
-        frame = self._options.map_frame
+        """Publish odometry, the pose in the map, and /tf; add to the path."""
+        frame, odom = self._options.map_frame, self._options.odom_frame
+        odom_from_child = map_from_odometry.inverse() @ world_from_child
         with self._lock:
             if self._is_closed:
                 return
-            told = messages.odometry_message(frame, child, nanoseconds, world_from_child, covariance, twist)
+            told = messages.odometry_message(odom, child, nanoseconds, odom_from_child, covariance, twist)
             self._odometry.publish(told)
+            self._pose.publish(messages.sure_pose_message(frame, nanoseconds, world_from_child, covariance))
             self._newest_ns = max(self._newest_ns, nanoseconds)
             if self._tf is not None:
                 from tf2_msgs.msg import TFMessage
 
-                moved = messages.transform_message(frame, child, nanoseconds, world_from_child)
-                self._tf.publish(TFMessage(transforms=[moved]))
+                moved = [
+                    messages.transform_message(frame, odom, nanoseconds, map_from_odometry),
+                    messages.transform_message(odom, child, nanoseconds, odom_from_child),
+                ]
+                self._tf.publish(TFMessage(transforms=moved))
             self._lengthen(nanoseconds, world_from_child)
 
     def _lengthen(self, nanoseconds: int, pose: Pose) -> None:
