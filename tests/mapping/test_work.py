@@ -1,13 +1,15 @@
 """What an object's views keep from pass to pass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from meshslam.mapping import MappingConfig
+from meshslam.mapping import MappingConfig, map_objects
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.selection import usable_tracks
-from meshslam.mapping.work import observe, observe_again
-from meshslam.objects import ObjectConfig
+from meshslam.mapping.work import HeldViews, first_pass, fit_again, mean_iou, observe, observe_again
+from meshslam.objects import ObjectConfig, uncertainty, view_bytes
 from meshslam.objects.reconstruction import motion, reconstruct
 
 
@@ -53,3 +55,39 @@ def test_views_made_anew_are_those_of_a_new_look(scene, track, frames):
     assert gain == same_gain
     clear, _ = motion(observe(track, scene, nothing), scene, found)
     assert not np.array_equal(clear, other)
+
+
+def test_views_that_were_let_go_and_made_again_are_what_they_were(scene, track, frames):
+    work = fit_again(first_pass(track, scene, Hiding(frames.camera, track.detections[1].frame)), scene)
+    gone = work.without_views()
+    assert not gone.observed.views
+    there = gone.with_views(scene)
+    assert len(there.observed.views) == len(work.observed.views)
+    for state in (work.found.start, work.found.state):
+        assert mean_iou(gone, scene, state) == mean_iou(work, scene, state)
+    (a, b), (c, d) = (uncertainty(w.observed, scene, w.found)[:2] for w in (work, there))
+    assert np.array_equal(a, c)  # the surface's sigmas are there, too
+    assert np.array_equal(b, d)
+
+
+def test_so_many_tracks_hold_their_views_as_there_is_room_for(scene, track, frames):
+    bytes_of_track = sum(
+        view_bytes(d, scene.camera, scene.config) for d in observe(track, scene, Hiding(frames.camera)).track.detections
+    )
+    another = replace(track, id=track.id + 1)
+    for limit, held in ((0, set()), (bytes_of_track, {track.id}), (2 * bytes_of_track, {track.id, another.id})):
+        assert HeldViews.of([track, another], scene, limit).tracks == held
+
+
+def test_a_street_is_mapped_to_the_same_bits_whether_views_are_held_or_not(frames, tracked, car, monkeypatch):
+    config = ObjectConfig(), MappingConfig()
+    whole = map_objects(frames, tracked, car, *config)
+    monkeypatch.setattr("meshslam.mapping.work.HELD_BYTES", 0)
+    lean = map_objects(frames, tracked, car, *config)
+    assert whole.mask_ious == lean.mask_ious
+    assert whole.left_out == lean.left_out
+    for a, b in zip(whole.map.objects, lean.map.objects, strict=True):
+        assert np.array_equal(a.world_from_object.matrix, b.world_from_object.matrix)
+        assert np.array_equal(a.vertices, b.vertices)
+        assert np.array_equal(a.vertex_sigma_m, b.vertex_sigma_m)
+        assert np.array_equal(a.pose_covariance, b.pose_covariance)

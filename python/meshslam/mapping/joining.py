@@ -28,7 +28,8 @@ def join_tracks(
     work = list(work)
     while (pair := same_place(work, scene, config)) is not None:
         first, second = (work[i] for i in pair)
-        keep, give = (first, second) if len(first.observed.views) >= len(second.observed.views) else (second, first)
+        seen = [len(one.observed.track.detections) for one in (first, second)]
+        keep, give = (first, second) if seen[0] >= seen[1] else (second, first)
         joined, moved = _joined_track(keep, give, detections)
         trial = first_pass(joined, scene, occluders)
         fits = mean_iou(trial, scene) > mean_iou(keep, scene) - 0.05

@@ -21,6 +21,7 @@ def without_unfit(
 
 def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: bool = True) -> LeftOut | None:
     """Why an estimate is no parked object of the category, if it is none."""
+    work = work.with_views(scene)
     track = work.observed.track
     distance = min(
         float(np.linalg.norm(pose.translation - work.found.state.world_from_object.translation))
@@ -58,7 +59,7 @@ def without_duplicates(work: list[Work], scene: Scene, config: MappingConfig) ->
     left_out: list[LeftOut] = []
     while (pair := same_place(work, scene, config)) is not None:
         first, second = (work[i] for i in pair)
-        give = second if len(first.observed.views) >= len(second.observed.views) else first
+        give = second if len(first.observed.track.detections) >= len(second.observed.track.detections) else first
         keep = first if give is second else second
         where = f"stands in the place of track {keep.observed.track.id}"
         left_out.append(LeftOut(give.observed.track.id, "the same object", where))

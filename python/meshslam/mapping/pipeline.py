@@ -15,13 +15,24 @@ from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import without_duplicates, without_unfit
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.selection import usable_tracks
-from meshslam.mapping.work import Progress, Work, by_gradient, each, first_pass, fit_again, mean_iou, next_pass
+from meshslam.mapping.work import (
+    HeldViews,
+    Progress,
+    Work,
+    by_gradient,
+    each,
+    first_pass,
+    fit_again,
+    mean_iou,
+    next_pass,
+)
 from meshslam.maps import CameraPath, Map, MapObject
 from meshslam.objects import (
     ObjectConfig,
     Occluders,
     Placed,
     Scene,
+    Track,
     TrackObservations,
     category_model,
     centred,
@@ -84,27 +95,34 @@ def map_objects(
         if on_objects is not None:
             on_objects([_object_so_far(w, scene) for w in work])
 
+    held = HeldViews.of(tracks, scene)
     occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
     if objects.solver == "gradient":
-        work = each("descend", lambda t: by_gradient(t, scene, occluders), tracks, progress, tell)
+        work = each("descend", lambda t: held.settled(by_gradient(t, scene, occluders)), tracks, progress, tell)
         return _mapping(work, left_out, detections, tracked, scene, config, progress)
-    work = each("initialize", lambda t: first_pass(t, scene, occluders, known.get(t.id)), tracks, progress, tell)
+
+    def begin(track: Track) -> Work:
+        return held.settled(first_pass(track, scene, occluders, known.get(track.id)))
+
+    work = each("initialize", begin, tracks, progress, tell)
     scene = with_noise_of(scene, work) if config.estimate_noise else scene
-    work = each("fit", lambda w: fit_again(w, scene), work, progress)
+    work = each("fit", held.passing(lambda w: fit_again(w, scene), scene), work, progress)
     work, gone = without_unfit(
         work, scene, config, judge_shape=False
     )  # the next pass knows what hides it, and may mend it
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
+    work = [held.settled(w) for w in work]
     tell(work)
 
     for number in range(1, config.passes):
         placed = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame(), _placed(work, scene))
         again = partial(next_pass, scene=scene, earlier=occluders, occluders=placed)
-        work, occluders = each(f"refine {number}", again, work, progress), placed
+        work, occluders = each(f"refine {number}", held.passing(again, scene), work, progress), placed
         tell(work)
-    work = each("shape", lambda w: Work(w.observed, fit_free_form(w.observed, scene, w.found)), work, progress)
+    shaped = held.passing(lambda w: replace(w, found=fit_free_form(w.observed, scene, w.found)), scene)
+    work = each("shape", shaped, work, progress)
     tell(work)
     return _mapping(work, left_out, detections, tracked, scene, config, progress)
 
@@ -122,7 +140,7 @@ def _mapping(
     work, unfit = without_unfit(work, scene, config)
     work, doubled = without_duplicates(work, scene, config)
     left_out = left_out + unfit + doubled
-    objects = each("uncertainty", lambda w: _map_object(w, scene), work, progress)
+    objects = each("uncertainty", lambda w: _map_object(w.with_views(scene), scene), work, progress)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     ious = _stage_ious(work, scene)
     reasons = tuple(sorted(left_out, key=lambda r: r.track))
@@ -143,7 +161,11 @@ def with_noise_of(scene: Scene, work: list[Work]) -> Scene:
     """The scene with the noise of its masks' borders, from what the first fits leave over."""
     config = scene.config
     step = config.noise.outline_step_px
-    over = [d for w in work for d in scene.model.border_distances_px(w.observed.views, w.found.state, step)]
+    over = [
+        d
+        for w in work
+        for d in scene.model.border_distances_px(w.with_views(scene).observed.views, w.found.state, step)
+    ]
     noise = estimated_noise(over, config.border_step_px, config.noise)
     return replace(scene, config=replace(config, noise=noise))
 
@@ -188,13 +210,15 @@ def _stage_ious(work: list[Work], scene: Scene) -> dict[str, float]:
     """Mask IoU after each step, mean over objects of the mean over their views."""
     if not work:
         return {}
-    single = each("single frame", lambda w: _single_frame_iou(w, scene), work, None)
-    return {
-        "mask_iou_single_frame": float(np.mean(single)),
-        "mask_iou_category_model": float(np.mean([mean_iou(w, scene, w.found.start) for w in work])),
-        "mask_iou_pose": float(np.mean([mean_iou(w, scene, w.found.posed) for w in work])),
-        "mask_iou_shape": float(np.mean([mean_iou(w, scene) for w in work])),
-    }
+    rows = each("single frame", lambda w: _ious(w.with_views(scene), scene), work, None)
+    names = ("mask_iou_single_frame", "mask_iou_category_model", "mask_iou_pose", "mask_iou_shape")
+    return {name: float(np.mean(column)) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+
+
+def _ious(work: Work, scene: Scene) -> tuple[float, ...]:
+    """Mask IoU from one frame alone, and after each step, mean over the views."""
+    stages = (work.found.start, work.found.posed, work.found.state)
+    return _single_frame_iou(work, scene), *(mean_iou(work, scene, state) for state in stages)
 
 
 def _single_frame_iou(work: Work, scene: Scene) -> float:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from meshslam.objects.ground import road_points
     from meshslam.objects.models import category_model
     from meshslam.objects.noise import estimated_noise
-    from meshslam.objects.observations import keypoints_of, make_view, signed_distance
+    from meshslam.objects.observations import keypoints_of, make_view, signed_distance, view_bytes
     from meshslam.objects.occlusion import FrameOcclusion, Occluders, Placed
     from meshslam.objects.reconstruction import (
         Reconstruction,
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         refit,
         uncertainty,
         with_surface_error,
+        with_surface_sigmas,
     )
     from meshslam.objects.start_search import flipped
     from meshslam.objects.track import Track, choose_views, is_cut, make_views
@@ -38,11 +39,12 @@ else:
             "ground": "road_points",
             "models": "category_model",
             "noise": "estimated_noise",
-            "observations": "keypoints_of make_view signed_distance",
+            "observations": "keypoints_of make_view signed_distance view_bytes",
             "occlusion": "FrameOcclusion Occluders Placed",
             "reconstruction": (
                 "Reconstruction Scene TrackObservations centred cheapest fit_free_form fit_modes "
-                "height_over_road_m motion reconstruct refit uncertainty with_surface_error"
+                "height_over_road_m motion reconstruct refit uncertainty with_surface_error "
+                "with_surface_sigmas"
             ),
             "start_search": "flipped",
             "track": "Track choose_views is_cut make_views",
@@ -79,5 +81,7 @@ __all__ = [
     "road_points",
     "signed_distance",
     "uncertainty",
+    "view_bytes",
     "with_surface_error",
+    "with_surface_sigmas",
 ]

@@ -133,6 +133,12 @@ def _spread(contour_pixels: Bytes, not_own: Bytes) -> Bytes:
     return marks
 
 
+def view_bytes(detection: Detection, camera: Camera, config: ObjectConfig) -> int:
+    """Memory of a detection's view: a distance, and what is cut and hidden, of each pixel of its crop."""
+    crop = crop_around(detection, camera, config.crop_margin)
+    return 6 * crop.width * crop.height
+
+
 def near_edge(crop: Crop, camera: Camera, margin_px: int) -> Bytes:
     """Mark the crop's pixels (h, w) within `margin_px` of the image's edge."""
     x, y = np.arange(crop.x0, crop.x0 + crop.width), np.arange(crop.y0, crop.y0 + crop.height)

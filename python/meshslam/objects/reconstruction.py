@@ -46,6 +46,7 @@ class TrackObservations:
     views: list[View]
     start_track: Track
     start_views: list[View]
+    surface_sigmas_px: tuple[float, ...] | None = None  # of the views, where they were given one
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +186,13 @@ def with_surface_error(observed: TrackObservations, scene: Scene, state: ObjectS
     at, poses = state.world_from_object.translation, observed.track.world_from_camera
     depths = [max(_NEAREST_M, float(pose.inverse().transform(at)[2])) for pose in poses]
     surface_px = scene.config.noise.surface_sigma_m * scene.camera.fx
-    views = [v.with_surface_sigma(surface_px / z) for v, z in zip(observed.views, depths, strict=True)]
-    return replace(observed, views=views)
+    return with_surface_sigmas(observed, tuple(surface_px / z for z in depths))
+
+
+def with_surface_sigmas(observed: TrackObservations, sigmas_px: tuple[float, ...]) -> TrackObservations:
+    """The same views, each with a standard deviation of the surface, pixels."""
+    views = [view.with_surface_sigma(sigma) for view, sigma in zip(observed.views, sigmas_px, strict=True)]
+    return replace(observed, views=views, surface_sigmas_px=sigmas_px)
 
 
 def uncertainty(
