@@ -1,6 +1,7 @@
 """KITTI odometry's segment errors, loop by loop as the devkit's text describes them: with 4x4 matrices only."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,7 +9,7 @@ import numpy as np
 def slow_segment_errors(true_poses, estimated_poses, lengths_m=(100, 200, 300, 400, 500, 600, 700, 800), step=10):
     """(first frame, rotation error rad/m, translation error m/m, length) of every segment."""
     distance = [0.0]
-    for before, after in zip(true_poses, true_poses[1:], strict=False):
+    for before, after in pairwise(true_poses):
         dx, dy, dz = after[:3, 3] - before[:3, 3]
         distance.append(distance[-1] + math.sqrt(dx * dx + dy * dy + dz * dz))
     rows = []

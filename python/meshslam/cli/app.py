@@ -17,6 +17,7 @@ from meshslam.cli.check import check
 from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
+from meshslam.cli.evaluate import evaluate
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
@@ -60,6 +61,7 @@ app.command("localize")(localize)
 app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("convert")(convert)
+app.command("evaluate")(evaluate)
 app.command("check")(check)
 app.command("simulate")(simulate)
 app.command("demo")(demo)

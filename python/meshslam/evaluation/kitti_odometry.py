@@ -1,4 +1,4 @@
-"""KITTI odometry's error of a path: t_rel and r_rel over 100 to 800 m (Geiger et al. 2012, devkit evaluate_odometry)."""
+"""KITTI odometry's t_rel and r_rel over 100 to 800 m (Geiger et al. 2012; its devkit's evaluate_odometry)."""
 
 from __future__ import annotations
 

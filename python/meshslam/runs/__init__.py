@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from meshslam.runs.clock import Clock
     from meshslam.runs.commands import users, uses
     from meshslam.runs.config import Config, InputConfig
+    from meshslam.runs.evaluating import Measurable, read_material
     from meshslam.runs.judging import check_recording
     from meshslam.runs.localize_run import run_localize
     from meshslam.runs.map_run import map_recording, run_map
@@ -29,6 +30,7 @@ else:
             "clock": "Clock",
             "commands": "users uses",
             "config": "Config InputConfig",
+            "evaluating": "Measurable read_material",
             "judging": "check_recording",
             "localize_run": "run_localize",
             "map_run": "map_recording run_map",
@@ -48,6 +50,7 @@ __all__ = [
     "Clock",
     "Config",
     "InputConfig",
+    "Measurable",
     "Outlet",
     "check_recording",
     "configured",
@@ -62,6 +65,7 @@ __all__ = [
     "overlaid",
     "paths_against_truth",
     "read_config",
+    "read_material",
     "read_yaml",
     "run_localize",
     "run_map",

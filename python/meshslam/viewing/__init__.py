@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
+    from meshslam.viewing.better import Better, better_of
     from meshslam.viewing.category_sheet import category_page, category_png
     from meshslam.viewing.charts import Line, line_charts
     from meshslam.viewing.context import ReportContext
@@ -24,6 +25,7 @@ else:
     __getattr__ = deferred(
         __name__,
         {
+            "better": "Better better_of",
             "category_sheet": "category_page category_png",
             "charts": "Line line_charts",
             "context": "ReportContext",
@@ -43,6 +45,7 @@ else:
     )
 
 __all__ = [
+    "Better",
     "Colouring",
     "Line",
     "LogTargets",
@@ -51,6 +54,7 @@ __all__ = [
     "ReportContext",
     "RerunLog",
     "RunLog",
+    "better_of",
     "birds_eye",
     "can_record",
     "can_write_mcap",
