@@ -13,6 +13,7 @@ COMMANDS = (
     ["map"],
     ["detect"],
     ["check"],
+    ["evaluate"],
     ["demo"],
     ["simulate"],
     ["reproduce"],
