@@ -15,7 +15,15 @@ def test_a_run_is_measured_against_the_recording_that_it_names(source_run):
     for key in ("voxel_iou_mean", "recall", "centre_error_median_m"):
         assert found["figures"][key] == pytest.approx(public[key], abs=1e-6)
     reasons = {p["name"]: p["not_computed"] for p in found["protocols"] if "not_computed" in p}
+    assert "segments are 100 m and longer" in reasons["kitti-odometry"]
+
+
+def test_a_path_that_was_given_is_not_measured(source_run, street):
+    (street / "groundtruth.tum").unlink()
+    found = json.loads(done("evaluate", source_run, "--truth", street, "--json").stdout)
+    reasons = {p["name"]: p["not_computed"] for p in found["protocols"] if "not_computed" in p}
     assert reasons["ate"].startswith("the run took the recording's own poses as given")
+    assert found["figures"]["recall"] > 0
 
 
 def test_the_table_says_what_was_not_computed(source_run, source, tmp_path):
