@@ -52,5 +52,5 @@ def test_overlap_is_that_of_points(x, y, z, yaw, seed):
     a, b = inside(one), inside(other)
     in_plan = [s[:, :2].all(axis=1) for s in (a, b)]
     shared = (in_plan[0] & in_plan[1]).mean() * 64
-    assert polygon_area(clipped(one.corners(), other.corners())) == pytest.approx(shared, abs=0.25)
+    assert polygon_area(clipped(one.corners(), other.corners())) == pytest.approx(shared, abs=0.6)  # five of its sigmas
     assert 0 <= found[1] <= found[0] + 1e-12 <= 1 + 1e-9

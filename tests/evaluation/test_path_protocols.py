@@ -162,6 +162,18 @@ def test_aligned_errors_do_not_depend_on_the_estimates_world(seed):
         np.testing.assert_allclose(one, two, atol=1e-9)
 
 
+def test_a_mirrored_path_is_turned_not_mirrored(rng):
+    truth = drive(rng, 40, wander=0.3)
+    mirrored = tuple(Pose(p.rotation, p.translation * [1, 1, -1]) for p in truth)
+    pair = PathPair(np.arange(40.0), truth, mirrored)
+    for with_scale in (False, True):
+        theirs = for_evo(pair.times_s, mirrored)
+        theirs.align(for_evo(pair.times_s, truth), correct_scale=with_scale)
+        found = pair.aligned(with_scale=with_scale)
+        np.testing.assert_allclose(positions(found.estimate), theirs.positions_xyz, atol=1e-9)
+        assert np.linalg.det(found.estimate[0].rotation) == pytest.approx(1.0)
+
+
 def test_a_straight_path_is_aligned(rng):
     truth = tuple(Pose(np.eye(3), np.array([float(i), 0, 0])) for i in range(20))
     world = Pose.from_yaw(1.0, np.array([3.0, 4.0, 5.0]))
