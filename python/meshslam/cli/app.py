@@ -14,6 +14,7 @@ import typer
 
 from meshslam.cli.category import category_app
 from meshslam.cli.check import check
+from meshslam.cli.compare import compare
 from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
@@ -62,6 +63,7 @@ app.command("slam")(slam)
 app.command("detect")(detect)
 app.command("convert")(convert)
 app.command("evaluate")(evaluate)
+app.command("compare")(compare)
 app.command("check")(check)
 app.command("simulate")(simulate)
 app.command("demo")(demo)

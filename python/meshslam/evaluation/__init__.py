@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from meshslam.evaluation.masks import MaskScores, score_masks
     from meshslam.evaluation.material import Material, MaterialParts, Options, UnavailableError
     from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
-    from meshslam.evaluation.path_pairs import PathPair, pair_paths
+    from meshslam.evaluation.path_pairs import TIME_TOLERANCE_S, PathPair, pair_paths, positions, umeyama
     from meshslam.evaluation.protocols import PROTOCOLS, Measured, Protocol, chosen_protocols, measure
     from meshslam.evaluation.results import ARROWS, FORMATS, formatted, short
     from meshslam.evaluation.run import evaluate_run
@@ -23,7 +23,7 @@ else:
             "masks": "MaskScores score_masks",
             "material": "Material MaterialParts Options UnavailableError",
             "objects": "ObjectScore match_objects object_figures score_object",
-            "path_pairs": "PathPair pair_paths",
+            "path_pairs": "TIME_TOLERANCE_S PathPair pair_paths positions umeyama",
             "protocols": "PROTOCOLS Measured Protocol chosen_protocols measure",
             "results": "ARROWS FORMATS formatted short",
             "run": "evaluate_run",
@@ -36,6 +36,7 @@ __all__ = [
     "ARROWS",
     "FORMATS",
     "PROTOCOLS",
+    "TIME_TOLERANCE_S",
     "MarkedScore",
     "MaskScores",
     "Material",
@@ -57,6 +58,7 @@ __all__ = [
     "measure",
     "object_figures",
     "pair_paths",
+    "positions",
     "read_truth",
     "score_marked",
     "score_masks",
@@ -64,4 +66,5 @@ __all__ = [
     "short",
     "trajectory_figures",
     "truth_digest",
+    "umeyama",
 ]

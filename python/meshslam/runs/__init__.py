@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from meshslam.runs.api import evaluate, localize, map_drive, slam
     from meshslam.runs.clock import Clock
     from meshslam.runs.commands import users, uses
+    from meshslam.runs.comparing import compare_cars, compare_runs
     from meshslam.runs.config import Config, InputConfig
     from meshslam.runs.evaluating import Measurable, read_material
     from meshslam.runs.judging import check_recording
@@ -29,6 +30,7 @@ else:
             "api": "evaluate localize map_drive slam",
             "clock": "Clock",
             "commands": "users uses",
+            "comparing": "compare_cars compare_runs",
             "config": "Config InputConfig",
             "evaluating": "Measurable read_material",
             "judging": "check_recording",
@@ -53,6 +55,8 @@ __all__ = [
     "Measurable",
     "Outlet",
     "check_recording",
+    "compare_cars",
+    "compare_runs",
     "configured",
     "evaluate",
     "imu_notes",

@@ -106,7 +106,7 @@ def _read(path: Path, part: str, given: Measurable) -> object:
 
 def _read_truth(given: Measurable, found: _Found) -> tuple[Truth, PathFile | None, Path | None]:
     """The truth, its path as a file has it, and the recording's folder."""
-    chosen = _recording_of(given.run)
+    chosen = recording_of(given.run)
     place = given.truth
     if place is None:
         if chosen is None:
@@ -114,6 +114,8 @@ def _read_truth(given: Measurable, found: _Found) -> tuple[Truth, PathFile | Non
         place = Path(chosen.sequence)
         found.notes.append(f"truth: {place}, which the run's config.yaml names")
     must_exist(place, "truth", SequenceError)
+    if chosen is not None and place.is_dir() and real_path(chosen.sequence) != real_path(place):
+        found.notes.append(f"{given.run}: its config.yaml names another recording, {chosen.sequence}, than {place}")
     if place.is_file() and place.suffix == ".json":
         _say_missing(found, place, "objects.json")
         return Truth(Map.load(place, allow_outside=given.allow_outside), None, None), None, None
@@ -174,7 +176,7 @@ def _opened(place: Path, chosen: InputConfig | None) -> Sequence:
     return open_input(own, use_imu=False)
 
 
-def _recording_of(run: Path | None) -> InputConfig | None:
+def recording_of(run: Path | None) -> InputConfig | None:
     """What a run read, if its config.yaml says it in a way that this version knows."""
     if run is None or not (run / "config.yaml").is_file():
         return None

@@ -8,6 +8,19 @@ if TYPE_CHECKING:
     from meshslam.viewing.better import Better, better_of
     from meshslam.viewing.category_sheet import category_page, category_png
     from meshslam.viewing.charts import Line, line_charts
+    from meshslam.viewing.comparison import (
+        CarPair,
+        ComparedCars,
+        ComparedRun,
+        Comparison,
+        FigureRow,
+        OverlayFrame,
+        comparison_page,
+        differing_settings,
+        figure_rows_of,
+        figure_text,
+    )
+    from meshslam.viewing.comparison_plan import LETTERS
     from meshslam.viewing.context import ReportContext
     from meshslam.viewing.from_above import birds_eye, footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
@@ -28,6 +41,11 @@ else:
             "better": "Better better_of",
             "category_sheet": "category_page category_png",
             "charts": "Line line_charts",
+            "comparison": (
+                "CarPair ComparedCars ComparedRun Comparison FigureRow OverlayFrame comparison_page "
+                "differing_settings figure_rows_of figure_text"
+            ),
+            "comparison_plan": "LETTERS",
             "context": "ReportContext",
             "from_above": "birds_eye footprint",
             "markup": "jpeg_uri number table text",
@@ -45,12 +63,19 @@ else:
     )
 
 __all__ = [
+    "LETTERS",
     "Better",
+    "CarPair",
     "Colouring",
+    "ComparedCars",
+    "ComparedRun",
+    "Comparison",
+    "FigureRow",
     "Line",
     "LogTargets",
     "McapLog",
     "OpenedLog",
+    "OverlayFrame",
     "ReportContext",
     "RerunLog",
     "RunLog",
@@ -60,8 +85,12 @@ __all__ = [
     "can_write_mcap",
     "category_page",
     "category_png",
+    "comparison_page",
+    "differing_settings",
     "draw_overlay",
     "figure_rows",
+    "figure_rows_of",
+    "figure_text",
     "footprint",
     "iterations_chart",
     "jpeg_uri",
