@@ -14,6 +14,7 @@ COMMANDS = (
     ["detect"],
     ["check"],
     ["evaluate"],
+    ["compare"],
     ["demo"],
     ["simulate"],
     ["reproduce"],

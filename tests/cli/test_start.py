@@ -32,6 +32,7 @@ def _run(*arguments, folder):
         (("detect", "missing", "--out", "found.json"), 2, "missing: no such folder or file"),
         (("localize", "there", "--map", "missing"), 2, "missing: no such map"),
         (("localize", "missing", "--map", "there/map.json"), 2, "missing: no such folder or file"),
+        (("compare", "there", "missing"), 2, "missing: no such run directory"),
         (("evaluate", "missing", "--truth", "there"), 2, "missing: no such run directory"),
         (("evaluate", "there", "--truth", "missing"), 2, "missing: no such truth"),
         (("map", "there", "--config", "missing.yaml"), 2, "missing.yaml: no such configuration file"),

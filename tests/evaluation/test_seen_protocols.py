@@ -65,6 +65,8 @@ def test_a3dp_of_a_turn_by_hand(make_car):
     found = a3dp_figures([frame([car], [moved(car, 2, yaw=np.radians(10))])])
     assert found["a3dp_abs_mean"] == pytest.approx(7 / 10)
     assert found["a3dp_abs_strict"] == 1.0
+    wide = a3dp_figures([frame([car], [moved(car, 2, yaw=np.radians(28))])])
+    assert (wide["a3dp_abs_mean"], wide["a3dp_abs_loose"], wide["a3dp_abs_strict"]) == (pytest.approx(0.1), 1.0, 0.0)
     reversed_car = a3dp_figures([frame([car], [moved(car, 2, yaw=np.pi)])])
     assert set(reversed_car.values()) == {0.0}
 
@@ -88,6 +90,15 @@ def test_kitti_ap_of_one_miss_and_one_wrong_by_hand(true_cars):
     assert set(kitti_detection_figures(seen).values()) == {50.0}
     seen = [frame([one, two], [moved(one, 50), moved(two, 51, (3.0, 3.0, 0))], [0.5, 0.9])]
     assert set(kitti_detection_figures(seen).values()) == {25.0}
+
+
+@pytest.mark.parametrize(("iou", "at_70", "at_50"), [(0.72, 100, 100), (0.65, 0, 100), (0.52, 0, 100), (0.48, 0, 0)])
+def test_kitti_ap_of_an_overlap_by_hand(make_car, iou, at_70, at_50):
+    """Moved ahead by s, a car of length L overlaps by (L - s) / (L + s)."""
+    car = make_car(1, [15.0, 3.0, 0.8])
+    found = kitti_detection_figures([frame([car], [moved(car, 2, (car.dimensions[0] * (1 - iou) / (1 + iou), 0, 0))])])
+    assert (found["kitti_ap_bev_70_percent"], found["kitti_ap_bev_50_percent"]) == (at_70, at_50)
+    assert (found["kitti_ap_3d_70_percent"], found["kitti_ap_3d_50_percent"]) == (at_70, at_50)
 
 
 def test_kitti_ap_tells_plan_from_space(true_cars):

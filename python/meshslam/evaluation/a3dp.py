@@ -75,6 +75,7 @@ def shape_similarity(one: MapObject, other: MapObject) -> float:
 def _likenesses(frames: Sequence[SeenFrame], progress: Progress) -> dict[tuple[int, int, int], Likeness]:
     """By place of the frame, of the estimate and of the truth; shapes are drawn where place and rotation allow it."""
     shapes: dict[tuple[int, int], float] = {}
+    far_rad = LOOSE[False].rotation_rad + 1e-6
     known = {}
     for f, seen in enumerate(frames):
         for e, estimate in enumerate(seen.estimates):
@@ -84,7 +85,7 @@ def _likenesses(frames: Sequence[SeenFrame], progress: Progress) -> dict[tuple[i
                 share = away_m / float(np.linalg.norm(true.camera_from_object.translation))
                 turn = true.camera_from_object.rotation.T @ estimate.camera_from_object.rotation
                 rotation_rad = float(angles_rad(turn[None])[0])
-                if (away_m > LOOSE[False].translation and share > LOOSE[True].translation) or rotation_rad > np.pi / 5:
+                if (away_m > LOOSE[False].translation and share > LOOSE[True].translation) or rotation_rad > far_rad:
                     continue
                 key = (estimate.thing.id, true.thing.id)
                 if key not in shapes:

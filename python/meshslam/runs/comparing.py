@@ -71,7 +71,12 @@ def compare_runs(
 
 
 def compare_cars(first: Map, other: Map) -> ComparedCars:
-    """Cars of two maps, matched one to one with the least sum of distances, each within 3 m."""
+    """Cars of two maps, matched one to one with the least sum of distances, each within 3 m.
+
+    A map without cars, as `localize` makes none, is not compared: nothing is said of the other's cars.
+    """
+    if not len(first) or not len(other):
+        return ComparedCars((), (), ())
     pairs = match_objects(first, other)
     matched = ({a.id for a, _ in pairs}, {b.id for _, b in pairs})
     return ComparedCars(
@@ -172,7 +177,7 @@ def _notes(loaded: Sequence[_Loaded]) -> list[str]:
         }
         lacks = [name for name, count in parts.items() if not count]
         if lacks:
-            notes.append(f"{other.run.name} has no {' and no '.join(lacks)}, or they are empty")
+            notes.append(f"{other.run.name}: what is not there, or is empty: {', '.join(lacks)}")
     if len({other.recording for other in loaded}) > 1:
         notes.append("the runs are of different recordings, or it is not known which: their frames are not compared")
     return notes
