@@ -109,6 +109,21 @@ def test_kitti_segments_are_those_of_the_slow_twin(seed):
     assert found["kitti_r_rel_deg_per_100m"] == pytest.approx(100 * np.degrees(theirs[:, 1].mean()))
 
 
+def test_metre_pairs_where_the_camera_stands_still(rng):
+    """Against a search over all later poses, the first of those that are as near."""
+    steps = np.where(rng.random(200) < 0.4, 0.0, rng.uniform(0.1, 1.5, 200))
+    truth = np.column_stack([np.concatenate([[0.0], np.cumsum(steps)]), np.zeros((201, 2))])
+    for delta in (0.05, 1.0, 7.3, 500.0):
+        expected = []
+        for i in range(200):
+            away = np.abs(truth[i + 1 :, 0] - truth[i, 0] - delta)
+            if away.min() <= 0.1 * delta:
+                expected.append((i, i + 1 + int(np.argmin(away))))
+        np.testing.assert_array_equal(
+            np.transpose(metre_pairs(truth, delta)).reshape(-1, 2), np.reshape(expected, (-1, 2))
+        )
+
+
 def test_kitti_of_a_path_three_percent_too_long_by_hand():
     """Poses 1 m apart on a line: a segment of 100 m ends at the first pose beyond it, 101 m on; 3% of that over 100."""
     truth = tuple(Pose(np.eye(3), np.array([float(i), 0, 0])) for i in range(151))

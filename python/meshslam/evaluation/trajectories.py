@@ -60,14 +60,14 @@ def frame_pairs(count: int, delta: int) -> tuple[Ints, Ints]:
 def metre_pairs(truth: Floats, delta_m: float) -> tuple[Ints, Ints]:
     """From each true position (n, 3) to that nearest to `delta_m` further on; left out where it is 10% off."""
     along = distances_along_m(truth)
-    found = []
-    for i in range(len(along) - 1):
-        away = np.abs(along[i + 1 :] - along[i] - delta_m)
-        nearest = int(np.argmin(away))
-        if away[nearest] <= METRES_TOLERANCE * delta_m:
-            found.append((i, i + 1 + nearest))
-    pairs = np.array(found, np.int64).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]
+    first = np.arange(len(along) - 1)
+    after = np.clip(np.searchsorted(along, along[first] + delta_m), first + 1, len(along) - 1)
+    before = np.maximum(after - 1, first + 1)
+    before = np.maximum(np.searchsorted(along, along[before]), first + 1)  # of those that stand there, the first
+    gaps = [np.abs(along[last] - along[first] - delta_m) for last in (before, after)]
+    last = np.where(gaps[0] <= gaps[1], before, after)
+    kept = np.minimum(*gaps) <= METRES_TOLERANCE * delta_m
+    return first[kept], last[kept]
 
 
 def angles_rad(turns: Floats) -> Floats:
