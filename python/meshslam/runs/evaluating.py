@@ -49,6 +49,8 @@ def read_material(given: Measurable, options: Options | None = None) -> tuple[Ma
     truth, true_file, folder = _read_truth(given, found)
     if path_file is not None and true_file is not None:
         _same_clock(given, path_file, true_file)
+        if not true_file.has_times:
+            found.notes.append("the files have no times: poses are paired line by line")
     true_detections = None
     if folder is not None and (folder / "detections.json").is_file():
         true_detections = read_detections(folder / "detections.json")

@@ -69,7 +69,7 @@ def _car(plan: Plan, place: int, thing: MapObject, hull: Floats, stroke: str) ->
     nose = thing.world_from_object.transform(np.array([[0.3, 0.0, 0.0], [0.5, 0.0, 0.0]]) * thing.dimensions[0])
     corners, tick = plan.pixels(hull), plan.pixels(nose)
     centre = plan.pixels(thing.world_from_object.translation)
-    below = float(corners[:, 1].max()) + 13 if place else float(corners[:, 1].min()) - 4
+    below = float(corners[:, 1].max()) + 13 * place if place else float(corners[:, 1].min()) - 4
     title = f"<title>{LETTERS[place]}: {text(thing.category)} {thing.id}</title>"
     return (
         f'<g>{title}<polygon class="stroke run{place}" {stroke} points="{_joined(corners)}"/>'
