@@ -38,6 +38,9 @@ class GroundBox:
 
 def box_ious(one: GroundBox, other: GroundBox) -> tuple[float, float]:
     """Intersection over union of two boxes from above, and in space; from 0 to 1."""
+    reach = sum(float(np.linalg.norm(box.dimensions[:2])) for box in (one, other)) / 2
+    if np.linalg.norm(one.centre[:2] - other.centre[:2]) > reach:
+        return 0.0, 0.0
     shared = polygon_area(clipped(one.corners(), other.corners()))
     areas = [float(np.prod(box.dimensions[:2])) for box in (one, other)]
     height = max(0.0, min(one.span[1], other.span[1]) - max(one.span[0], other.span[0]))

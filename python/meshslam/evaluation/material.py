@@ -52,6 +52,14 @@ class Options:
     rpe_metres: float = 10.0
 
 
+@dataclass
+class _Kept:
+    """What several protocols need is computed once."""
+
+    scores: ObjectScores | None = None
+    surfaces: list[SurfaceDistances] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Material:
     """A run and its truth, as far as there are files; `missing` says of a part that is not there, why."""
@@ -66,6 +74,7 @@ class Material:
     given_poses: str | None = None  # where the true path is what the run took as given, and so no truth to it
     options: Options = field(default_factory=Options)
     missing: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    _kept: _Kept = field(default_factory=_Kept, init=False, repr=False)
 
     def aligned(self) -> Material:
         """The same with map and path laid on the truth by the paths' poses (SE(3)).
@@ -122,25 +131,23 @@ class Material:
         """Scores of the objects, which are taken once."""
         self._there(MaterialParts.TRUE_OBJECTS, self.truth.objects)
         scene = self._there(MaterialParts.MAP, self.map)
-        if "scores" not in self._kept:
-            self._kept["scores"] = score_objects(self.truth, scene, progress)
-        scores = self._kept["scores"]
-        if not isinstance(scores, ObjectScores):
+        if self._kept.scores is None:
+            self._kept.scores = score_objects(self.truth, scene, progress)
+        if self._kept.scores is None:
             raise UnavailableError("no true object counts")
-        return scores
+        return self._kept.scores
 
     def surfaces(self, progress: Progress) -> list[SurfaceDistances]:
         """Distances of the surfaces of matched objects, in the true object's frame, which are taken once."""
-        if "surfaces" not in self._kept:
+        if self._kept.surfaces is None:
             found, pairs = [], self.pairs()
             for done, (true, estimate) in enumerate(pairs, 1):
                 moved = true.world_from_object.inverse() @ estimate.world_from_object
                 placed = moved.transform(estimate.vertices)
                 found.append(surface_distances(true.vertices, true.faces, placed, estimate.faces))
                 progress("surfaces", done, len(pairs))
-            self._kept["surfaces"] = found
-        kept = self._kept["surfaces"]
-        return kept if isinstance(kept, list) else []
+            self._kept.surfaces = found
+        return self._kept.surfaces
 
     def seen(self) -> list[SeenFrame]:
         """Objects as the camera sees them, frame by frame."""
@@ -183,10 +190,6 @@ class Material:
         if not (folder / "camera.yaml").is_file():
             raise UnavailableError(f"{folder / 'camera.yaml'}: no such file")
         return folder
-
-    @cached_property
-    def _kept(self) -> dict[str, object]:
-        return {}
 
     def _path_of_frames(self) -> Trajectory:
         path, images = (
