@@ -189,3 +189,16 @@ def test_formats_hold_every_figure(case_and_run):
 def test_every_protocol_says_its_source():
     assert all(p.source and p.title for p in PROTOCOLS.values())
     assert {p.group for p in PROTOCOLS.values()} == {"trajectory", "objects", "tracks", "calibration", "masks"}
+
+
+def test_an_object_is_seen_once_a_frame_by_its_surest_detection(case_and_run):
+    case, run = case_and_run
+    found = read_detections(run / "detections.json")
+    again = tuple(replace(d, id=d.id + 1000, score=0.1 if d.id % 2 else 0.97) for d in found.detections)
+    (run / "detections.json").write_bytes(write_detections(replace(found, detections=(*found.detections, *again))))
+    material, _ = read_material(Measurable(run, truth=case))
+    for seen in material.seen():
+        ids = [e.thing.id for e in seen.estimates]
+        assert ids == sorted(set(ids)) == [t.thing.id for t in seen.truths]
+        assert all(e.score in (0.9, 0.97) for e in seen.estimates)
+    assert figures(case, run, ["kitti-ap"])[0]["kitti_ap_3d_70_percent"] == 100.0
