@@ -38,15 +38,21 @@ class MaskScores:
 
 
 def score_masks(
-    run_folder: Path, category: str = "car", smallest_px: float = SMALLEST_PX, progress: Progress = no_progress
+    run_folder: Path,
+    category: str = "car",
+    smallest_px: float = SMALLEST_PX,
+    progress: Progress = no_progress,
+    scene: Map | None = None,
+    path: Trajectory | None = None,
 ) -> MaskScores:
     """Score a run directory: IoU of each tracked mask with its object's drawn mesh.
 
-    Pixels that a nearer mesh or another mask covers count only where the object's own mask is. MeshslamError, naming
+    `scene` and `path` are the run's, if they are read already. Pixels that a nearer mesh or another mask covers count only where the object's own mask is. MeshslamError, naming
     the file, if one is missing or damaged, or if poses and images do not agree in number.
     """
     camera = read_camera_file(run_folder / "camera.yaml", Report()).camera
-    scene_map, path = Map.load(run_folder), Trajectory.load(run_folder / "trajectory.tum")
+    scene_map = Map.load(run_folder) if scene is None else scene
+    path = Trajectory.load(run_folder / "trajectory.tum") if path is None else path
     by_frame = read_detections(run_folder / "detections.json").by_frame()
     if len(by_frame) != len(path):
         raise MapError(

@@ -211,7 +211,7 @@ def mask_iou(material: Material, progress: Progress = no_progress) -> Figures:
     """Drawn meshes against the run's own masks; needs no truth."""
     from meshslam.evaluation.masks import score_masks
 
-    figures = score_masks(material.mask_folder(), progress=progress).figures()
+    figures = score_masks(material.mask_folder(), progress=progress, scene=material.map, path=material.path).figures()
     if not figures:
         raise UnavailableError("no detection of a car is 40 px wide")
     return figures

@@ -126,7 +126,7 @@ def _read_truth(given: Measurable, found: _Found) -> tuple[Truth, PathFile | Non
         found.notes += file.notes
         _say_missing(found, place, "groundtruth.tum")
         return Truth(None, None, Trajectory(file.times_s, file.world_from_camera)), file, None
-    truth = read_truth(place) if place.is_dir() else Truth(None, None, None)
+    truth = read_truth(place, allow_outside=given.allow_outside) if place.is_dir() else Truth(None, None, None)
     if truth.path is None:
         truth = replace(truth, path=_recorded_path(place, chosen, truth, found))
     for what, part, name in (
