@@ -47,8 +47,9 @@ def score_masks(
 ) -> MaskScores:
     """Score a run directory: IoU of each tracked mask with its object's drawn mesh.
 
-    `scene` and `path` are the run's, if they are read already. Pixels that a nearer mesh or another mask covers count only where the object's own mask is. MeshslamError, naming
-    the file, if one is missing or damaged, or if poses and images do not agree in number.
+    `scene` and `path` are the run's, if they are read already. Pixels that a nearer mesh or another mask covers count
+    only where the object's own mask is. MeshslamError, naming the file, if one is missing or damaged, or if poses and
+    images do not agree in number.
     """
     camera = read_camera_file(run_folder / "camera.yaml", Report()).camera
     scene_map = Map.load(run_folder) if scene is None else scene
