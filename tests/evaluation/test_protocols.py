@@ -132,6 +132,19 @@ def test_other_clocks_are_told_with_their_times(case_and_run):
     assert (found["ate_rmse_m"], left) == (pytest.approx(0, abs=1e-9), {})
 
 
+def test_a_part_of_a_recording_is_said(case_and_run):
+    case, run = case_and_run
+    found = read_detections(run / "detections.json")
+    part = replace(found, images=found.images[:2], detections=tuple(d for d in found.detections if d.frame < 2))
+    (run / "detections.json").write_bytes(write_detections(part))
+    path = Trajectory.load(run / "trajectory.tum")
+    Trajectory(path.times_s[:2], path.world_from_camera[:2]).save(run / "trajectory.tum")
+    material, notes = read_material(Measurable(run, truth=case))
+    assert any("the run has 2 of the recording's 3 frames" in note for note in notes)
+    found = {key: value for row in measure(material, ["tracks", "a3dp"]) for key, value in row.figures.items()}
+    assert found["mota"] == found["hota"] == found["a3dp_abs_mean"] == 1.0
+
+
 def test_only_what_is_chosen_is_measured(case_and_run):
     found, left = figures(*case_and_run, ["ate", "tracks"])
     assert {key.partition("_")[0] for key in found} == {"ate", "end", "mota", "idf1", "hota"}

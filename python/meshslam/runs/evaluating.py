@@ -10,7 +10,7 @@ from meshslam.errors import ConfigError, MapError, MeshslamError, SequenceError
 from meshslam.evaluation import Material, MaterialParts, Options, Truth, absolute_errors_m, pair_paths, read_truth
 from meshslam.files import must_exist, real_path
 from meshslam.maps import Map, Trajectory, TrajectoryEstimate
-from meshslam.perception import read_detections
+from meshslam.perception import DetectionSet, read_detections
 from meshslam.runs.config import InputConfig
 from meshslam.runs.opening import open_input
 from meshslam.runs.settings import overlaid, read_yaml
@@ -54,6 +54,7 @@ def read_material(given: Measurable, options: Options | None = None) -> tuple[Ma
     true_detections = None
     if folder is not None and (folder / "detections.json").is_file():
         true_detections = read_detections(folder / "detections.json")
+        _say_part(parts.get("detections"), true_detections, found)
     else:
         found.missing[MaterialParts.TRUE_DETECTIONS] = _no_detections(folder)
     material = Material(
@@ -210,6 +211,14 @@ def _say_missing(found: _Found, place: Path, name: str) -> None:
         (MaterialParts.TRUE_PATH, "groundtruth.tum"),
     )
     found.missing.update({what: f"{place} is no recording with {other}" for what, other in rows if other != name})
+
+
+def _say_part(seen: DetectionSet | None, whole: DetectionSet, found: _Found) -> None:
+    if seen is not None and len(seen.images) < len(whole.images):
+        found.notes.append(
+            f"the run has {len(seen.images)} of the recording's {len(whole.images)} frames: recall and the overlap of "
+            "shapes count true objects of the whole recording; A3DP, AP and tracks those in the run's frames"
+        )
 
 
 def _no_detections(folder: Path | None) -> str:
