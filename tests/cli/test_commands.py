@@ -13,6 +13,8 @@ COMMANDS = (
     ["map"],
     ["detect"],
     ["check"],
+    ["evaluate"],
+    ["compare"],
     ["demo"],
     ["simulate"],
     ["reproduce"],

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshslam.evaluation import evaluate_run, trajectory_figures
-from meshslam.evaluation.trajectories import nearest_in_time
+from meshslam.evaluation.path_pairs import nearest_in_time
 from meshslam.geometry import Pose
 from meshslam.maps import Trajectory
 

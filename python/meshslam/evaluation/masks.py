@@ -11,7 +11,7 @@ from meshslam.errors import MapError
 from meshslam.geometry import Bools, Camera, Floats, Ints, Pose, render
 from meshslam.maps import Map, Trajectory
 from meshslam.perception import Detection, read_detections
-from meshslam.sequences import Report, read_camera_file
+from meshslam.sequences import Progress, Report, no_progress, read_camera_file
 
 Mesh = tuple[Pose, Floats, Ints]  # camera_from_object, vertices, faces
 NEAR_M = 0.2  # nothing closer is taken to be drawn inside its projection
@@ -37,14 +37,23 @@ class MaskScores:
         }
 
 
-def score_masks(run_folder: Path, category: str = "car", smallest_px: float = SMALLEST_PX) -> MaskScores:
+def score_masks(
+    run_folder: Path,
+    category: str = "car",
+    smallest_px: float = SMALLEST_PX,
+    progress: Progress = no_progress,
+    scene: Map | None = None,
+    path: Trajectory | None = None,
+) -> MaskScores:
     """Score a run directory: IoU of each tracked mask with its object's drawn mesh.
 
-    Pixels that a nearer mesh or another mask covers count only where the object's own mask is. MeshslamError, naming
-    the file, if one is missing or damaged, or if poses and images do not agree in number.
+    `scene` and `path` are the run's, if they are read already. Pixels that a nearer mesh or another mask covers count
+    only where the object's own mask is. MeshslamError, naming the file, if one is missing or damaged, or if poses and
+    images do not agree in number.
     """
     camera = read_camera_file(run_folder / "camera.yaml", Report()).camera
-    scene_map, path = Map.load(run_folder), Trajectory.load(run_folder / "trajectory.tum")
+    scene_map = Map.load(run_folder) if scene is None else scene
+    path = Trajectory.load(run_folder / "trajectory.tum") if path is None else path
     by_frame = read_detections(run_folder / "detections.json").by_frame()
     if len(by_frame) != len(path):
         raise MapError(
@@ -52,11 +61,12 @@ def score_masks(run_folder: Path, category: str = "car", smallest_px: float = SM
         )
     ious: dict[int, list[float]] = {}
     eligible = 0
-    for found, pose in zip(by_frame.values(), path.world_from_camera, strict=True):
+    for done, (found, pose) in enumerate(zip(by_frame.values(), path.world_from_camera, strict=True), 1):
         wanted = [d for d in found if d.category == category and d.bbox[2] >= smallest_px]
         eligible += len(wanted)
         for number, iou in _frame_ious(camera, pose, scene_map, found, wanted):
             ious.setdefault(number, []).append(iou)
+        progress("masks", done, len(by_frame))
     means = {number: float(np.mean(values)) for number, values in sorted(ious.items())}
     return MaskScores(means, sum(map(len, ious.values())), eligible)
 

@@ -11,6 +11,7 @@ from meshslam.categories import Category, category_names, load_category
 from meshslam.evaluation.truth import Truth
 from meshslam.geometry import Floats, Ints, Pose, best_pairs, voxel_iou
 from meshslam.maps import Map, MapObject
+from meshslam.sequences import Progress, no_progress
 
 MATCH_DISTANCE_M = 3.0
 SEEN_DETECTIONS = 5  # that show a true object that counts; fewer where no object has as many
@@ -60,29 +61,59 @@ def score_object(true: MapObject, estimated: MapObject) -> ObjectScore:
     )
 
 
-def object_figures(truth: Truth, estimate: Map) -> dict[str, float]:
-    """Figures of metrics.json; a true object without an estimate has IoU 0, medians are over matched objects.
+@dataclass(frozen=True)
+class ObjectScores:
+    """Scores of the true objects that count: of those that are matched, and how many are not."""
 
-    The yaw's median leaves out estimates that are turned by more than 90 degrees (front taken for rear).
-    """
+    matched: tuple[ObjectScore, ...]
+    missed: int
+    extra: int  # estimates that match no true object
+
+    def shape_figures(self) -> dict[str, float]:
+        """`voxel_iou_mean`, and that of the category's mean mesh; a missed object has IoU 0."""
+        figures = {"voxel_iou_mean": _mean_with([s.voxel_iou for s in self.matched], self.missed)}
+        of_category = [s.category_voxel_iou for s in self.matched if s.category_voxel_iou is not None]
+        if len(of_category) == len(self.matched):
+            figures["voxel_iou_category_model"] = _mean_with(of_category, self.missed)
+        return figures
+
+    def place_figures(self) -> dict[str, float]:
+        """`recall`, and medians over matched objects of the errors of centre and yaw.
+
+        The yaw's median leaves out estimates that are turned by more than 90 degrees (front taken for rear).
+        """
+        figures = {"recall": len(self.matched) / (len(self.matched) + self.missed)}
+        if self.matched:
+            figures["centre_error_median_m"] = float(np.median([s.centre_error_m for s in self.matched]))
+        straight = [s.yaw_error_deg for s in self.matched if s.yaw_error_deg < FLIPPED_DEG]
+        if straight:
+            figures["yaw_error_median_deg"] = float(np.median(straight))
+        return figures
+
+    def count_figures(self) -> dict[str, float]:
+        """`objects_extra`, and `objects_reversed`: those that are turned by more than 90 degrees."""
+        turned = sum(s.yaw_error_deg >= FLIPPED_DEG for s in self.matched)
+        return {"objects_extra": self.extra, "objects_reversed": turned}
+
+
+def score_objects(truth: Truth, estimate: Map, progress: Progress = no_progress) -> ObjectScores | None:
+    """Score every true object that counts; None where there is none."""
     counted = counted_objects(truth)
     if truth.objects is None or not counted:
-        return {}
-    scores = [score_object(t, e) for t, e in match_objects(truth.objects, estimate) if t.id in counted]
-    missed = len(counted) - len(scores)
-    figures = {
-        "voxel_iou_mean": _mean_with([s.voxel_iou for s in scores], missed),
-        "recall": len(scores) / len(counted),
-    }
-    of_category = [s.category_voxel_iou for s in scores if s.category_voxel_iou is not None]
-    if len(of_category) == len(scores):
-        figures["voxel_iou_category_model"] = _mean_with(of_category, missed)
-    if scores:
-        figures["centre_error_median_m"] = float(np.median([s.centre_error_m for s in scores]))
-    straight = [s.yaw_error_deg for s in scores if s.yaw_error_deg < FLIPPED_DEG]
-    if straight:
-        figures["yaw_error_median_deg"] = float(np.median(straight))
-    return figures
+        return None
+    pairs = match_objects(truth.objects, estimate)
+    kept = [pair for pair in pairs if pair[0].id in counted]
+    scores = []
+    for done, (true, found) in enumerate(kept, 1):
+        scores.append(score_object(true, found))
+        progress("objects", done, len(kept))
+    return ObjectScores(tuple(scores), len(counted) - len(scores), len(estimate) - len(pairs))
+
+
+def object_figures(truth: Truth, estimate: Map) -> dict[str, float]:
+    """The figures of metrics.json; empty where no true object counts."""
+    scores = score_objects(truth, estimate)
+    return {} if scores is None else scores.shape_figures() | scores.place_figures()
 
 
 def _centres(objects: Map) -> Floats:

@@ -25,8 +25,10 @@ class Truth:
         return Counter((self.object_of_annotation or {}).values())[object_id]
 
 
-def read_truth(sequence_folder: Path) -> Truth:
+def read_truth(sequence_folder: Path, *, allow_outside: bool = False) -> Truth:
     """Read objects.json, association.json and groundtruth.tum, those that are there.
+
+    Meshes of the objects outside the folder are read with `allow_outside` only.
 
     MapError or SequenceError, naming the file and the key or line, if one of them is damaged.
     """
@@ -34,7 +36,7 @@ def read_truth(sequence_folder: Path) -> Truth:
         sequence_folder / name for name in ("objects.json", "association.json", "groundtruth.tum")
     )
     return Truth(
-        Map.load(objects) if objects.is_file() else None,
+        Map.load(objects, allow_outside=allow_outside) if objects.is_file() else None,
         _read_association(association) if association.is_file() else None,
         Trajectory.load(path) if path.is_file() else None,
     )

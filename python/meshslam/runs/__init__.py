@@ -8,7 +8,9 @@ if TYPE_CHECKING:
     from meshslam.runs.api import evaluate, localize, map_drive, slam
     from meshslam.runs.clock import Clock
     from meshslam.runs.commands import users, uses
+    from meshslam.runs.comparing import compare_cars, compare_runs
     from meshslam.runs.config import Config, InputConfig
+    from meshslam.runs.evaluating import Measurable, read_material
     from meshslam.runs.judging import check_recording
     from meshslam.runs.localize_run import run_localize
     from meshslam.runs.map_run import map_recording, run_map
@@ -29,7 +31,9 @@ else:
             "api": "evaluate localize map_drive slam",
             "clock": "Clock",
             "commands": "users uses",
+            "comparing": "compare_cars compare_runs",
             "config": "Config InputConfig",
+            "evaluating": "Measurable read_material",
             "judging": "check_recording",
             "localize_run": "run_localize",
             "map_run": "map_recording run_map",
@@ -50,8 +54,11 @@ __all__ = [
     "Clock",
     "Config",
     "InputConfig",
+    "Measurable",
     "Outlet",
     "check_recording",
+    "compare_cars",
+    "compare_runs",
     "configured",
     "evaluate",
     "export_run",
@@ -65,6 +72,7 @@ __all__ = [
     "overlaid",
     "paths_against_truth",
     "read_config",
+    "read_material",
     "read_yaml",
     "run_localize",
     "run_map",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from meshslam.sequences.loader import Loader, LoadOptions
     from meshslam.sequences.mounting_files import read_camera_from_body, read_extrinsics, with_imu
     from meshslam.sequences.opening import RecordingOptions
-    from meshslam.sequences.path_files import read_path
+    from meshslam.sequences.path_files import PathFile, read_path, read_path_file
     from meshslam.sequences.registry import LOADERS, find_loader, open_sequence, open_with
     from meshslam.sequences.report import Problem, Progress, Report, no_progress
     from meshslam.sequences.selection import TOPICS, read_seconds, read_selection, read_size, read_topics
@@ -49,7 +49,7 @@ else:
             "loader": "Loader LoadOptions",
             "mounting_files": "read_camera_from_body read_extrinsics with_imu",
             "opening": "RecordingOptions",
-            "path_files": "read_path",
+            "path_files": "PathFile read_path read_path_file",
             "registry": "LOADERS find_loader open_sequence open_with",
             "report": "Problem Progress Report no_progress",
             "selection": "TOPICS read_seconds read_selection read_size read_topics",
@@ -76,6 +76,7 @@ __all__ = [
     "LensModel",
     "LoadOptions",
     "Loader",
+    "PathFile",
     "Problem",
     "Progress",
     "RecordingOptions",
@@ -104,6 +105,7 @@ __all__ = [
     "read_extrinsics",
     "read_imu",
     "read_path",
+    "read_path_file",
     "read_seconds",
     "read_selection",
     "read_size",

@@ -43,7 +43,7 @@ def with_poses(sequence: Sequence, path: Path, options: LoadOptions, time_offset
     if "," in lines[0]:
         times_s, poses = read_euroc(path, report)
     elif len(words) == 8:
-        times_s, poses = _tum(path, report)
+        times_s, poses = read_tum_times(path, report)
     else:
         raise fail(path, "", f"expected TUM (8 numbers a line), KITTI (12), EuRoC or VINS (CSV), found {len(words)}")
     there = poses_at(sequence.times_s, times_s - time_offset_s, options.world_from_camera(poses), path, report)
@@ -73,7 +73,8 @@ def _kitti_pose(path: Path, report: Report, line: int, row: Floats) -> Pose:
     return rigid(path, f"line {line}", row.reshape(3, 4), report)
 
 
-def _tum(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
+def read_tum_times(path: Path, report: Report) -> tuple[Floats, tuple[Pose, ...]]:
+    """Times (n,) in seconds and poses of a TUM file; nanoseconds are told by their size."""
     times_s, poses = read_tum(path, report)
     return _in_seconds(times_s, path, report), poses
 

@@ -5,8 +5,22 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
+    from meshslam.viewing.better import Better, better_of
     from meshslam.viewing.category_sheet import category_page, category_png
     from meshslam.viewing.charts import Line, line_charts
+    from meshslam.viewing.comparison import (
+        CarPair,
+        ComparedCars,
+        ComparedRun,
+        Comparison,
+        FigureRow,
+        OverlayFrame,
+        comparison_page,
+        differing_settings,
+        figure_rows_of,
+        figure_text,
+    )
+    from meshslam.viewing.comparison_plan import LETTERS
     from meshslam.viewing.context import ReportContext
     from meshslam.viewing.from_above import birds_eye, footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
@@ -25,8 +39,14 @@ else:
     __getattr__ = deferred(
         __name__,
         {
+            "better": "Better better_of",
             "category_sheet": "category_page category_png",
             "charts": "Line line_charts",
+            "comparison": (
+                "CarPair ComparedCars ComparedRun Comparison FigureRow OverlayFrame comparison_page "
+                "differing_settings figure_rows_of figure_text"
+            ),
+            "comparison_plan": "LETTERS",
             "context": "ReportContext",
             "from_above": "birds_eye footprint",
             "markup": "jpeg_uri number table text",
@@ -45,22 +65,35 @@ else:
     )
 
 __all__ = [
+    "LETTERS",
+    "Better",
+    "CarPair",
     "Colouring",
+    "ComparedCars",
+    "ComparedRun",
+    "Comparison",
+    "FigureRow",
     "Line",
     "LogTargets",
     "McapLog",
     "OpenedLog",
+    "OverlayFrame",
     "ReportContext",
     "RerunLog",
     "RunLog",
+    "better_of",
     "birds_eye",
     "can_record",
     "can_write_mcap",
     "category_page",
     "category_png",
     "describe",
+    "comparison_page",
+    "differing_settings",
     "draw_overlay",
     "figure_rows",
+    "figure_rows_of",
+    "figure_text",
     "footprint",
     "iterations_chart",
     "jpeg_uri",
