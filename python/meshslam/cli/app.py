@@ -18,8 +18,8 @@ from meshslam.cli.compare import compare
 from meshslam.cli.convert import convert
 from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
-from meshslam.cli.export import export
 from meshslam.cli.evaluate import evaluate
+from meshslam.cli.export import export
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
@@ -65,8 +65,8 @@ app.command("localize")(can_be_quiet(localize))
 app.command("slam")(can_be_quiet(slam))
 app.command("detect")(can_be_quiet(detect))
 app.command("convert")(can_be_quiet(convert))
-app.command("evaluate")(can_be_quiet(evaluate))
-app.command("compare")(can_be_quiet(compare))
+app.command("evaluate")(evaluate)
+app.command("compare")(compare)
 app.command("check")(check)
 app.command("export")(can_be_quiet(export))
 app.command("view")(view)
