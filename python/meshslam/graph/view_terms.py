@@ -12,7 +12,14 @@ import gtsam
 import numpy as np
 
 from meshslam.geometry import BlockSystem, Floats, Ints, Pose
-from meshslam.graph.object_factor import CameraKeys, CameraMemo, ObservationCost, linearize_all, object_factor
+from meshslam.graph.object_factor import (
+    CameraKeys,
+    CameraMemo,
+    ObservationCost,
+    linearize_all,
+    object_factor,
+    residuals_all,
+)
 from meshslam.motion import OURS_FROM_GTSAM, from_pose3
 
 
@@ -69,7 +76,7 @@ class _Kind:
 
     def cost(self, values: gtsam.Values) -> float:
         rotation, translation, z = self._relative(values)
-        _, residual = linearize_all([term.cost for term in self._terms], rotation, translation, z)
+        residual = residuals_all([term.cost for term in self._terms], rotation, translation, z)
         return 0.5 * float(np.square(residual).sum())
 
     def rows(self, values: gtsam.Values) -> Floats:
