@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         uncertainty,
         with_surface_error,
     )
+    from meshslam.objects.saved_views import views_from_arrays, views_to_arrays
     from meshslam.objects.start_search import flipped
     from meshslam.objects.track import Track, choose_views, is_cut, make_views
 else:
@@ -44,6 +45,7 @@ else:
                 "Reconstruction Scene TrackObservations centred cheapest fit_free_form fit_modes "
                 "height_over_road_m motion reconstruct refit uncertainty with_surface_error"
             ),
+            "saved_views": "views_from_arrays views_to_arrays",
             "start_search": "flipped",
             "track": "Track choose_views is_cut make_views",
         },
@@ -79,5 +81,7 @@ __all__ = [
     "road_points",
     "signed_distance",
     "uncertainty",
+    "views_from_arrays",
+    "views_to_arrays",
     "with_surface_error",
 ]
