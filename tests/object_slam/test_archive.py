@@ -119,6 +119,16 @@ def test_every_factor_is_read_back_as_itself(estimator, read_back):
             assert other.origin.error(moved) == one.origin.error(moved) > 0
 
 
+def test_observations_of_landmarks_in_view_stay_open(estimator, read_back):
+    """The motion test asks for them, and they are linearized once more when their landmark leaves."""
+    one, other = (each.smoother.objects.open_observations() for each in (estimator, read_back))
+    assert [(tag.number, tag.frame) for tag in other] == [(tag.number, tag.frame) for tag in one]
+    assert one
+    assert all(tag.cost.view is not None for tag in other)
+    held = {id(entry.tag) for entry in all_entries(read_back)}
+    assert all(id(tag) in held for tag in other)
+
+
 def test_the_imu_is_no_linear_factor(read_back):
     kinds = {type(entry.origin) for entry in all_entries(read_back)}
     assert gtsam.CombinedImuFactor in kinds
