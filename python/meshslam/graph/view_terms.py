@@ -22,6 +22,8 @@ from meshslam.graph.object_factor import (
 )
 from meshslam.motion import OURS_FROM_GTSAM, from_pose3
 
+_TOGETHER = 512
+
 
 @dataclass(frozen=True, eq=False)
 class ViewTerm:
@@ -48,11 +50,15 @@ class ViewTerms:
     """Observations of a window."""
 
     def __init__(self, terms: Sequence[ViewTerm]) -> None:
-        """Those over the same kinds of variables are evaluated together."""
+        """Those over the same kinds of variables are evaluated together, as many as the processor's cache holds."""
         kinds: dict[tuple[int, int], list[ViewTerm]] = {}
         for term in terms:
             kinds.setdefault((len(term.keys), 0 if term.z is None else term.cost.model.mode_count), []).append(term)
-        self._kinds = [_Kind(found) for found in kinds.values()]
+        self._kinds = [
+            _Kind(found[start : start + _TOGETHER])
+            for found in kinds.values()
+            for start in range(0, len(found), _TOGETHER)
+        ]
 
     def cost(self, values: gtsam.Values) -> float:
         """The sum of their costs."""
