@@ -210,3 +210,12 @@ def test_a_rotation_but_for_rounding_is_its_own_nearest(rng):
         np.testing.assert_array_equal(nearest_rotation(matrix), matrix)
         assert np.abs(nearest_rotation(matrix + 1e-9) - matrix).max() > 0
         np.testing.assert_allclose(np.linalg.det(nearest_rotation(-matrix)), 1.0)
+
+
+def test_a_pose_is_restored_from_its_matrix_to_the_last_bit(rng):
+    for _ in range(50):
+        turn = exp_so3(rng.normal(size=3)) + rng.normal(0, 1e-12, (3, 3))  # as rounding leaves it
+        pose = Pose(turn, rng.normal(size=3))
+        assert np.array_equal(Pose.restored(pose.matrix).matrix, pose.matrix)
+    with pytest.raises(GeometryError):
+        Pose.restored(2.0 * np.eye(4))

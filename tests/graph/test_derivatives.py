@@ -112,8 +112,11 @@ def seen_car(rng, *, border):
     return pose.retract(rng.normal(0, [0.1] * 3 + [0.02] * 3)), rng.normal(0, 0.3, MODEL.mode_count), view
 
 
-def object_case(rng, *, border=True, pose=False, modes=False):
-    """An observation. Its linearization is kept and so is exact in itself; the smooth cost is evaluated anew."""
+def object_case(rng, *, border=True, pose=False, modes=False, frozen=False):
+    """An observation. Its linearization is kept and so is exact in itself; the smooth cost is evaluated anew.
+
+    One that is frozen was linearized elsewhere, some tenths of a radian off.
+    """
     camera_from_object, z, view = seen_car(rng, border=border)
     camera, mounting, values = random_pose(rng), random_mounting(rng), gtsam.Values()
     insert_camera(values, 3, camera, mounting, rng)
@@ -127,6 +130,10 @@ def object_case(rng, *, border=True, pose=False, modes=False):
         ViewTerm(ObservationCost(MODEL, view, noise, focal), keys, CameraMemo(mounting.translation, rate), *where)
         for focal in (1e-9, 1e9, 1e-9)
     )
+    if frozen:
+        elsewhere = camera_from_object.retract(rng.normal(0, [0.5] * 3 + [0.2] * 3)), z + rng.normal(0, 0.3, len(z))
+        for term in (held, beside):
+            term.cost.freeze(*elsewhere)
     widths = dict(zip(keys, (6, 3, 3, 1), strict=True))
     widths |= ({O(7): 6} if pose else {}) | ({Z(7): MODEL.mode_count} if modes else {})
     factor, true_cost = view_factor(held), view_factor(held if border else anew)
@@ -140,6 +147,9 @@ for border in (True, False):
     makes(object_factor, f"object, pose and modes keys: {what}")(
         lambda rng, b=border: object_case(rng, border=b, pose=True, modes=True)
     )
+makes(object_factor, "object, frozen, seen from elsewhere")(
+    lambda rng: object_case(rng, pose=True, modes=True, frozen=True)
+)
 
 
 # --- measurements

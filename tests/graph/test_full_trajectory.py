@@ -79,3 +79,18 @@ def test_without_pairs_nothing_that_left_is_lost():
     values, _ = smoothed(history, window, [], 10)
     assert values.size() == history.values.size() + window.values.size() == 3 * STEPS + 1
     assert np.allclose(values.atPose3(X(STEPS)).matrix(), window.values.atPose3(X(STEPS)).matrix(), atol=1e-3)
+
+
+def test_pairs_that_are_found_on_the_way_count_as_if_they_had_been_given():
+    history, window, joined = run(np.random.default_rng(2))
+    asked = []
+
+    def find(places, held):
+        asked.append((len(places), tuple(held)))
+        return joined[3:]
+
+    given, _ = smoothed(history, window, joined, 10)
+    found, held = smoothed(history, window, joined[:3], 10, find)
+    assert asked == [(STEPS, tuple(joined[:3]))]
+    assert held == tuple(joined)
+    assert np.abs(error_m(found) - error_m(given)).max() < 1e-3

@@ -1,13 +1,15 @@
 """A run of SLAM that is read back is the run that was saved."""
 
-import json
 from dataclasses import fields, replace
 
+import gtsam
 import numpy as np
 import pytest
 
 from meshslam.categories import load_category
+from meshslam.errors import MeshslamError
 from meshslam.geometry import Pose
+from meshslam.graph.tags import ObservationTag
 from meshslam.motion import Mounting
 from meshslam.object_slam import SlamConfig, SlamEstimator
 from meshslam.object_slam.archive import estimator_from_arrays, estimator_to_arrays
@@ -87,9 +89,66 @@ def test_candidates_keep_their_observations(estimator, read_back):
             assert np.array_equal(one.detection.keypoints, two.detection.keypoints)
 
 
-def test_what_was_read_back_is_saved_as_the_same(estimator, read_back):
+def test_what_was_read_back_is_saved_as_the_same_bytes(estimator, read_back):
     one, other = estimator_to_arrays(estimator), estimator_to_arrays(read_back)
     assert one.keys() == other.keys()
-    assert same(json.loads(str(one.pop("plain"))), json.loads(str(other.pop("plain"))))
     for name, values in one.items():
-        assert np.asarray(other[name]) == pytest.approx(np.asarray(values), rel=1e-9, abs=1e-9), name
+        assert np.array_equal(np.asarray(other[name]), np.asarray(values)), name
+
+
+def test_saving_changes_nothing(estimator):
+    before = [(entry.factor, entry.term) for entry in estimator.smoother.window.entries]
+    costs = [dict(vars(tag.cost)) for _, tag in estimator.smoother.objects.observations()]
+    estimator_to_arrays(estimator)
+    assert [(entry.factor, entry.term) for entry in estimator.smoother.window.entries] == before
+    assert [vars(tag.cost) for _, tag in estimator.smoother.objects.observations()] == costs
+
+
+def test_every_factor_is_read_back_as_itself(estimator, read_back):
+    """The same errors, elsewhere too: a linear one in its place would differ there."""
+    rng = np.random.default_rng(0)
+    for one, other in zip(all_entries(estimator), all_entries(read_back), strict=True):
+        assert type(other.origin) is type(one.origin)
+        assert other.keys == one.keys
+        if one.origin is not None and not isinstance(one.tag, ObservationTag):
+            values = all_values(estimator)
+            steps = gtsam.VectorValues()
+            for key in one.origin.keys():  # noqa: SIM118 # no mapping
+                steps.insert(key, rng.normal(0, 0.1, values.extract([key]).dim()))
+            moved = values.retract(steps)
+            assert other.origin.error(moved) == one.origin.error(moved) > 0
+
+
+def test_observations_of_landmarks_in_view_stay_open(estimator, read_back):
+    """The motion test asks for them, and they are linearized once more when their landmark leaves."""
+    one, other = (each.smoother.objects.open_observations() for each in (estimator, read_back))
+    assert [(tag.number, tag.frame) for tag in other] == [(tag.number, tag.frame) for tag in one]
+    assert one
+    assert all(tag.cost.view is not None for tag in other)
+    held = {id(entry.tag) for entry in all_entries(read_back)}
+    assert all(id(tag) in held for tag in other)
+
+
+def test_the_imu_is_no_linear_factor(read_back):
+    kinds = {type(entry.origin) for entry in all_entries(read_back)}
+    assert gtsam.CombinedImuFactor in kinds
+    assert {entry.record.kind for entry in all_entries(read_back) if entry.record} >= {"imu", "first camera", "size"}
+
+
+@pytest.mark.parametrize("what", ["record_numbers", "record_kinds", "linear_rows", "view_root", "entries", "view_pose"])
+def test_arrays_that_do_not_fit_each_other_are_refused(setup, estimator, what):
+    arrays = estimator_to_arrays(estimator)
+    arrays[what] = np.asarray(arrays[what])[:-1]
+    with pytest.raises((MeshslamError, ValueError, IndexError, RuntimeError)):
+        estimator_from_arrays(SlamEstimator(setup), arrays)
+
+
+def all_entries(estimator):
+    smoother = estimator.smoother
+    return [*smoother.history.entries, *smoother.window.entries]
+
+
+def all_values(estimator):
+    values = gtsam.Values(estimator.smoother.history.values)
+    values.insert(estimator.smoother.window.values)
+    return values

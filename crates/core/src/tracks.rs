@@ -78,6 +78,11 @@ impl TrackedPoints {
         Ok(Self { camera, sigma_px, kernel, groups })
     }
 
+    /// The tracks as they were given: their length, and their pixels one track after the other.
+    pub fn groups(&self) -> impl Iterator<Item = (usize, &[Vector2<f64>])> {
+        self.groups.iter().map(|group| (group.length, group.pixels.as_slice()))
+    }
+
     /// How many cameras the longest track sees.
     #[must_use]
     pub fn camera_count(&self) -> usize {

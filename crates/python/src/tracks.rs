@@ -3,8 +3,8 @@
 use meshslam_core::lie::Pose;
 use meshslam_core::tracks::TrackedPoints as CoreTracks;
 use nalgebra::{Matrix3, Vector2, Vector3};
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -48,6 +48,17 @@ impl TrackedPoints {
             groups.push((pixels.shape()[1], rows.collect()));
         }
         CoreTracks::new(camera, sigma_px, kernel, groups).map(Self).map_err(to_python)
+    }
+
+    /// The tracks (n, m, 2) as they were given.
+    fn tracks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
+        let each = self.0.groups().map(|(length, pixels)| {
+            let values: Vec<f64> = pixels.iter().flat_map(|pixel| [pixel.x, pixel.y]).collect();
+            let shape = (pixels.len() / length.max(1), length, 2);
+            let tracks = Array3::from_shape_vec(shape, values).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            Ok(tracks.into_pyarray(py))
+        });
+        each.collect()
     }
 
     fn cost(&self, py: Python, world_from_camera: PyReadonlyArray3<f64>) -> PyResult<f64> {

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use meshslam_core::raster::Rect;
 use meshslam_core::view::{BorderPoint, KeypointObservation, View as CoreView};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -71,6 +72,47 @@ impl View {
         Ok(Self { inner: inner.checked(keypoint_count).map_err(to_python)? })
     }
 
+    /// First pixel (x, y) of the crop.
+    #[getter]
+    fn origin(&self) -> (i64, i64) {
+        (self.inner.crop.x0, self.inner.crop.y0)
+    }
+
+    #[getter]
+    fn surface_sigma_px(&self) -> f64 {
+        self.inner.surface_sigma_px
+    }
+
+    /// Signed distance (h, w) to the observed border, and where this is not the object's own, and what is hidden.
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pictures<'py>> {
+        let View { inner } = self;
+        Ok((whole(py, inner, &inner.distance_px)?, whole(py, inner, &inner.cut)?, whole(py, inner, &inner.hidden)?))
+    }
+
+    /// Border points (n, 4): pixel, length, whether it is the object's own.
+    fn border<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let border = &self.inner.border;
+        let value = |(i, k): (usize, usize)| match k {
+            0 => border[i].pixel.x,
+            1 => border[i].pixel.y,
+            2 => border[i].length,
+            _ => f64::from(u8::from(border[i].own)),
+        };
+        Array2::from_shape_fn((border.len(), 4), value).into_pyarray(py)
+    }
+
+    /// Key points (k, 4): number, pixel, sigma.
+    fn keypoints<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let keypoints = &self.inner.keypoints;
+        let value = |(i, k): (usize, usize)| match k {
+            0 => keypoints[i].index as f64,
+            1 => keypoints[i].pixel.x,
+            2 => keypoints[i].pixel.y,
+            _ => keypoints[i].sigma_px,
+        };
+        Array2::from_shape_fn((keypoints.len(), 4), value).into_pyarray(py)
+    }
+
     /// The same view, where the true surface may lie this far from any mesh.
     fn with_surface_sigma(&self, sigma_px: f64) -> PyResult<Self> {
         check_sigma("surface", sigma_px)?;
@@ -93,6 +135,19 @@ fn check_sigma(whose: &str, sigma_px: f64) -> PyResult<()> {
         return Ok(());
     }
     Err(PyValueError::new_err(format!("a {whose}'s sigma must not be negative, found {sigma_px}")))
+}
+
+/// Distances, and two masks.
+type Pictures<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u8>>, Bound<'py, PyArray2<u8>>);
+
+fn whole<'py, T: numpy::Element + Copy>(
+    py: Python<'py>,
+    view: &CoreView,
+    pixels: &[T],
+) -> PyResult<Bound<'py, PyArray2<T>>> {
+    let shape = (view.crop.height, view.crop.width);
+    let picture = Array2::from_shape_vec(shape, pixels.to_vec()).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(picture.into_pyarray(py))
 }
 
 /// Pixels row by row.

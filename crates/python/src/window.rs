@@ -77,10 +77,11 @@ pub fn linear_cost(factors: Vec<Py<LinearFactor>>, variables: Bound<Variables>) 
 #[pymethods]
 impl BlockSystem {
     #[new]
-    fn new(names: Names, widths: PyReadonlyArray1<i64>) -> PyResult<Self> {
+    fn new(names: Names, widths: PyReadonlyArray1<i64>, blocks: Names) -> PyResult<Self> {
         let found = widths.as_array().iter().map(|w| usize::try_from(*w)).collect::<Result<Vec<_>, _>>();
         let widths = found.map_err(|_| PyValueError::new_err("a variable's width must not be negative"))?;
-        CoreSystem::new(&names.as_array().to_vec(), &widths).map(Self).map_err(to_python)
+        let (names, blocks) = (names.as_array().to_vec(), blocks.as_array().to_vec());
+        CoreSystem::in_blocks(&names, &widths, &blocks).map(Self).map_err(to_python)
     }
 
     fn add_linear(&mut self, factors: Vec<Py<LinearFactor>>, variables: Bound<Variables>) -> PyResult<()> {
@@ -114,6 +115,24 @@ impl BlockSystem {
         let last = last.as_array().to_vec();
         py.detach(|| self.0.solve(&last)).map(Solution).map_err(to_python)
     }
+
+    fn covariances<'py>(
+        &self,
+        py: Python<'py>,
+        groups: Vec<Names>,
+        last: Names,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let groups: Vec<Vec<u64>> = groups.iter().map(|group| group.as_array().to_vec()).collect();
+        let last = last.as_array().to_vec();
+        let found = py.detach(|| self.0.covariances(&groups, &last)).map_err(to_python)?;
+        found.into_iter().map(|values| square(py, values)).collect()
+    }
+}
+
+fn square(py: Python<'_>, values: Vec<f64>) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let size = values.len().isqrt();
+    let matrix = Array2::from_shape_vec((size, size), values).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(matrix.into_pyarray(py))
 }
 
 #[pymethods]
@@ -124,9 +143,6 @@ impl Solution {
     }
 
     fn covariance<'py>(&self, py: Python<'py>, names: Names) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let Some(found) = self.0.covariance(&names.as_array().to_vec()) else { return Ok(None) };
-        let size = found.len().isqrt();
-        let matrix = Array2::from_shape_vec((size, size), found).map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok(Some(matrix.into_pyarray(py)))
+        self.0.covariance(&names.as_array().to_vec()).map(|found| square(py, found)).transpose()
     }
 }

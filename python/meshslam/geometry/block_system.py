@@ -79,10 +79,15 @@ class Solution:
 class BlockSystem:
     """The sum of many factors 0.5 |A x - b|^2 over steps of variables, solved block by block (Cholesky)."""
 
-    def __init__(self, widths: dict[int, int]) -> None:
-        """`widths` says how many numbers a step of each variable has."""
+    def __init__(self, widths: dict[int, int], blocks: Sequence[int] | None = None) -> None:
+        """`widths` says how many numbers a step of each variable has.
+
+        Variables of the same number in `blocks`, in the order of `widths`, are eliminated together, as one dense block.
+        """
+        names = _names(list(widths))
         with geometry_errors():
-            self._native = _core.BlockSystem(_names(list(widths)), ints(np.array(list(widths.values()), np.int64)))
+            sizes = ints(np.array(list(widths.values()), np.int64))
+            self._native = _core.BlockSystem(names, sizes, names if blocks is None else _names(blocks))
 
     def add_linear(self, factors: Sequence[LinearFactor], variables: Variables) -> None:
         """Add linear factors, at these values; GeometryError for a variable that is not there."""
@@ -114,3 +119,12 @@ class BlockSystem:
         """
         with geometry_errors():
             return Solution(self._native.solve(_names(last)))
+
+    def covariances(self, groups: Sequence[Sequence[int]], last: Sequence[int] = ()) -> list[Floats]:
+        """Joint covariance (n, n) of each group of variables, its blocks in the group's order, by one elimination.
+
+        Variables of `last`, which many groups share, are eliminated last. Only covariances of variables that the
+        elimination connects are computed (Takahashi, Fagan and Chin 1973). Errors as of `solve`.
+        """
+        with geometry_errors():
+            return self._native.covariances([_names(group) for group in groups], _names(last))

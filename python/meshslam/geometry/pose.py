@@ -52,6 +52,13 @@ class Pose:
         return Pose(nearest_rotation(r), m[:3, 3].copy())
 
     @staticmethod
+    def restored(matrix: Floats) -> Pose:
+        """The pose whose `matrix` this was, to the last bit; GeometryError as of `from_matrix`."""
+        Pose.from_matrix(matrix)
+        m = np.array(matrix, float)
+        return Pose(m[:3, :3], m[:3, 3])
+
+    @staticmethod
     def from_yaw(yaw_rad: float, translation: Floats) -> Pose:
         """Turn by `yaw_rad` about z, then move by `translation` (3,), metres."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -36,8 +36,14 @@ class TrackedPoints:
         `kernel` is Geman and McClure's threshold in sigmas. GeometryError for other shapes, and for numbers that are
         not finite.
         """
+        self.sigma_px, self.kernel = sigma_px, kernel
         with geometry_errors():
             self._native = _core.TrackedPoints(camera, [floats(t) for t in tracks], sigma_px, kernel)
+
+    @property
+    def tracks(self) -> list[Floats]:
+        """The tracks (n, m, 2) px as they were given."""
+        return self._native.tracks()
 
     def cost(self, world_from_camera: Sequence[Pose]) -> float:
         """Half the sum of the robust squares, whitened; GeometryError for fewer cameras than the longest track has."""

@@ -40,7 +40,7 @@ def path_covariances(
     is_moved = bool(np.abs(by_first).max() > 0)
     first = keys[0]
     groups: list[Group] = [k if not is_moved or k == first else (*k, *first[:2]) for k in keys]
-    joint = window.joint_covariances(groups, first if is_moved else first[2:])
+    joint = window.path_covariances(groups, first if is_moved else first[2:])
     if not is_moved:
         return np.array([camera_covariance(place, found) for place, found in zip(places, joint, strict=True)])
     by_first = by_first @ places[0].by_variables

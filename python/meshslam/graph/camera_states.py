@@ -191,6 +191,6 @@ class CameraStates:
         self._times_s = {int(f): float(t) for f, t in arrays["times"]}
         self._memos = {f: CameraMemo(self.arm_m, self.rates_rad_s[f]) for f in self._times_s}
         cameras = zip(arrays["camera_frames"], arrays["cameras"], strict=True)
-        self._final = {int(f): Pose.from_matrix(matrix) for f, matrix in cameras}
+        self._final = {int(f): Pose.restored(matrix) for f, matrix in cameras}
         self.newest = max(self._times_s)
         self._estimates.clear()

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import O, Z
 
+from meshslam.geometry import Pose
+from meshslam.graph.terms import Term
+from meshslam.graph.view_terms import ViewTerm, view_factor
 from meshslam.graph.window import Entry, Window, linear_factor
+from meshslam.motion import from_pose3
 
 _JOINED_POSE_SIGMAS = np.array([0.02] * 3 + [0.05] * 3)  # rad, m
 _JOINED_MODES_SIGMA = 0.5
+_ROUGH, _FINE = 100.0, 1e-2  # a smaller fall of the cost ends the search: cameras then move by centimetres, or by none
 _MAX_ERROR = 30.0  # half a squared Mahalanobis distance over 6 + modes, of two objects that are one
 
 Pair = tuple[int, int]
+FindPairs = Callable[[Mapping[int, Pose], Sequence[Pair]], Sequence[Pair]]  # from world_from_object, and what is joined
 
 
 @dataclass
@@ -32,10 +39,10 @@ class History:
         if keys:
             self.values.insert(window.values.extract(sorted(keys)))
             self._order += sorted(keys)
-            gone = [entry for entry in window.marginalize(keys) if entry.origin is not None]
-            for entry in gone:
-                entry.term = None  # smoothing takes the factors as they were given
-            self.entries += gone
+            for entry in window.marginalize(keys):
+                if entry.origin is not None:  # smoothing takes the factors as they were given
+                    entry.factor, entry.term, entry.linearized = entry.origin, None, None
+                    self.entries.append(entry)
 
     def checkpoint(self) -> Callable[[], None]:
         """How to come back to what is held now; it costs the same however long the run is."""
@@ -56,27 +63,56 @@ class History:
 
 
 def smooth_full_trajectory(
-    history: History, window: Window, joined: Sequence[Pair], iterations: int
+    history: History,
+    window: Window,
+    joined: Sequence[Pair],
+    iterations: int,
+    find_more: FindPairs | None = None,
 ) -> tuple[Window, tuple[Pair, ...]]:
-    """All variables of a run, solved over all of its factors, and which of the pairs of landmarks `joined` are one.
+    """All variables of a run, solved over all of its factors, and which of the pairs of landmarks are one.
 
-    A pair that the rest speaks against, once all are solved together, is taken back, the worst first.
+    Pairs are those of `joined`, and what `find_more` finds once all are solved together. A pair that the rest then
+    speaks against is taken back, the worst first.
     """
     everything = Window()
     everything.values.insert(history.values)
     everything.values.insert(window.values)
     for entry in [*history.entries, *window.entries]:
         if entry.origin is not None:
-            everything.add(entry.origin, entry.tag, entry.origin_term)
-    held = list(joined)
-    for pair in held:
+            factor, term = _own(entry.origin, entry.origin_term)
+            everything.add(factor, entry.tag, term)
+    held = _solve_joined(everything, joined, iterations, _ROUGH)
+    found = [] if find_more is None else find_more(_objects(everything.values), held)
+    return everything, tuple(_solve_joined(everything, found, iterations, _FINE, held))
+
+
+def _own(factor: gtsam.NonlinearFactor, term: Term | None) -> tuple[gtsam.NonlinearFactor, Term | None]:
+    """A factor that may be evaluated elsewhere: an observation is then linearized there, and the run's stays."""
+    if not isinstance(term, ViewTerm) or term.cost.view is None:
+        return factor, term
+    own = replace(term, cost=copy(term.cost))
+    return view_factor(own), own
+
+
+def _solve_joined(
+    everything: Window, pairs: Sequence[Pair], iterations: int, tolerance: float, before: Sequence[Pair] = ()
+) -> list[Pair]:
+    """Solve with more pairs; returns those that hold. Pairs that were joined `before` may be taken back, too."""
+    for pair in pairs:
         _join(everything, pair)
-    everything.optimize(iterations)
+    held = [*before, *pairs]
+    everything.optimize(iterations, tolerance)
     while held and _error(everything, worst := max(held, key=partial(_error, everything))) > _MAX_ERROR:
         held.remove(worst)
         everything.drop([entry for entry in everything.entries if entry.tag == worst])
-        everything.optimize(iterations)
-    return everything, tuple(held)
+        everything.optimize(iterations, tolerance)
+    return held
+
+
+def _objects(values: gtsam.Values) -> dict[int, Pose]:
+    """world_from_object of all landmarks, by number."""
+    numbers = [gtsam.Symbol(k).index() for k in values.keys() if chr(k >> 56) == "o"]  # noqa: SIM118 # no mapping
+    return {number: from_pose3(values.atPose3(O(number))) for number in numbers}
 
 
 def _join(everything: Window, pair: Pair) -> None:

@@ -1,25 +1,24 @@
-"""A graph as plain arrays, and back: variables by kind, factors as rows |A x - b| about their values.
+"""A graph as plain arrays, and back, to the last bit: variables, what factors were made of, and linear factors.
 
-Rows are in GTSAM's tangent spaces at the values that are saved with them.
+Rows |A x - b| are in GTSAM's tangent spaces at the values that are saved with them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import gtsam
 import numpy as np
 
-from meshslam.geometry import Floats
-from meshslam.graph.window import rows_factor
+from meshslam.geometry import AnyArray, Floats, Ints
+from meshslam.graph.records import KINDS, Record
+from meshslam.graph.window import Linearized
 
 Arrays = dict[str, Any]
 
 _POSES = "xo"  # kinds of variables, by the first letter of their key
 _VECTORS = "vtsz"
-_WIDTHS = {"x": 6, "o": 6, "b": 6, "e": 3}  # of a step; a vector's is its own
 
 
 def values_to_arrays(values: gtsam.Values) -> Arrays:
@@ -58,46 +57,60 @@ def _plain(values: gtsam.Values, key: int) -> Floats:
 
 def _variable(kind: str, row: Floats) -> Any:  # noqa: ANN401 # one of GTSAM's types
     if kind in _POSES:
-        return gtsam.Pose3(row)
+        return gtsam.Pose3(row.reshape(4, 4))
     if kind == "e":
-        return gtsam.Rot3(row)
+        return gtsam.Rot3(row.reshape(3, 3))
     return gtsam.imuBias.ConstantBias(row[:3], row[3:]) if kind == "b" else row
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """A linear factor: keys in the order of its columns, [A b]."""
-
-    keys: tuple[int, ...]
-    rows: Floats
-
-
-def rows_of(factor: gtsam.NonlinearFactor, values: gtsam.Values) -> Rows:
-    """A factor, linearized."""
-    linear = factor.linearize(values)
-    return Rows(tuple(linear.keys()), np.asarray(linear.augmentedJacobian()))
+def records_to_arrays(records: Sequence[Record]) -> Arrays:
+    """Records behind each other."""
+    return {
+        "kinds": np.array([KINDS.index(r.kind) for r in records], np.int64),
+        "key_counts": np.array([len(r.keys) for r in records], np.int64),
+        "keys": np.array([key for r in records for key in r.keys], np.uint64),
+        "number_counts": np.array([len(r.numbers) for r in records], np.int64),
+        "numbers": np.concatenate([np.zeros(0), *(r.numbers for r in records)]),
+    }
 
 
-def factor_of(linear: Rows, values: gtsam.Values) -> gtsam.LinearContainerFactor:
-    """The factor of these rows about these values."""
-    keys = [(key, _WIDTHS.get(_kind(key)) or values.atVector(key).size) for key in linear.keys]
-    return rows_factor(keys, linear.rows, values)
+def records_from_arrays(arrays: Mapping[str, Any]) -> Iterator[Record]:
+    """The reverse of `records_to_arrays`."""
+    keys = _split(arrays["keys"], arrays["key_counts"])
+    numbers = _split(arrays["numbers"], arrays["number_counts"])
+    for kind, some, values in zip(arrays["kinds"].tolist(), keys, numbers, strict=True):
+        yield Record(KINDS[kind], tuple(some.tolist()), values)
 
 
-def rows_to_arrays(factors: Sequence[Rows]) -> Arrays:
-    """Factors behind each other."""
+def linear_to_arrays(factors: Sequence[Linearized]) -> Arrays:
+    """Linear factors behind each other, each with the values that it is linear about."""
+    at = [np.concatenate([_plain(f.at, key).ravel() for key in f.keys]) for f in factors]
     return {
         "key_counts": np.array([len(f.keys) for f in factors], np.int64),
         "keys": np.array([key for f in factors for key in f.keys], np.uint64),
         "shapes": np.array([f.rows.shape for f in factors], np.int64).reshape(-1, 2),
         "rows": np.concatenate([np.zeros(0), *(f.rows.ravel() for f in factors)]),
+        "at": np.concatenate([np.zeros(0), *at]),
+        "widths": np.array([_plain(f.at, key).size for f in factors for key in f.keys], np.int64),
     }
 
 
-def rows_from_arrays(arrays: Mapping[str, Any]) -> Iterator[Rows]:
-    """The reverse of `rows_to_arrays`."""
-    at_key = at_row = 0
-    for count, (height, width) in zip(arrays["key_counts"].tolist(), arrays["shapes"].tolist(), strict=True):
-        keys = tuple(int(key) for key in arrays["keys"][at_key : at_key + count])
-        yield Rows(keys, arrays["rows"][at_row : at_row + height * width].reshape(height, width))
-        at_key, at_row = at_key + count, at_row + height * width
+def linear_from_arrays(arrays: Mapping[str, Any]) -> Iterator[Linearized]:
+    """The reverse of `linear_to_arrays`."""
+    shapes = arrays["shapes"]
+    rows = _split(arrays["rows"], shapes.prod(axis=1))
+    held = iter(zip(arrays["keys"].tolist(), _split(arrays["at"], arrays["widths"]), strict=True))
+    for count, shape, own in zip(arrays["key_counts"].tolist(), shapes.tolist(), rows, strict=True):
+        some = [next(held) for _ in range(count)]
+        at = gtsam.Values()
+        for key, numbers in some:
+            at.insert(key, _variable(_kind(key), numbers))
+        yield Linearized(tuple(key for key, _ in some), np.asfortranarray(own.reshape(shape)), at)
+
+
+def _split(values: AnyArray, counts: Ints) -> list[AnyArray]:
+    """Parts of an array, so many numbers each; ValueError if they are not all of it."""
+    ends = np.cumsum(counts)
+    if len(values) != (ends[-1] if len(ends) else 0):
+        raise ValueError(f"{len(values)} numbers, expected {ends[-1] if len(ends) else 0}")
+    return np.split(values, ends[:-1]) if len(ends) else []

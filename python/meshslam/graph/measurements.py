@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 from gtsam.symbol_shorthand import O, X
 
 from meshslam.features import PointConfig, PointTracks
 from meshslam.geometry import Camera
 from meshslam.graph.camera_states import CameraStates
-from meshslam.graph.displacement_factor import displacement_factor
 from meshslam.graph.point_factor import point_factor, point_term
-from meshslam.graph.road_factor import road_factor
+from meshslam.graph.record_factors import add_record
+from meshslam.graph.records import Record
 from meshslam.graph.tags import DISPLACEMENT, PointTag, RoadTag
 from meshslam.graph.window import Window
 
@@ -36,8 +37,8 @@ class Measurements:
     def add_displacement(self, first: int, second: int, displacement_m: float, sigma_m: float) -> None:
         """The distance between the cameras of two frames, both of which are held."""
         self._window.settle([e for e in self._window.entries if e.tag == DISPLACEMENT])
-        keys = [X(first), X(second)]
-        self._window.add(displacement_factor(keys, self._cameras.arm_m, displacement_m, sigma_m), DISPLACEMENT)
+        record = Record("displacement", (X(first), X(second)), np.array([displacement_m, sigma_m]))
+        add_record(self._window, record, self._cameras, DISPLACEMENT)
 
     def add_road_height(self, number: int, frame: int, below_camera_m: float, sigma_m: float) -> None:
         """An object's origin lies so far below the camera of a frame: its wheels stand on the road.
@@ -45,5 +46,5 @@ class Measurements:
         An earlier measurement of its height in the window is replaced.
         """
         self._window.drop([e for e in self._window.entries if e.tag == RoadTag(number)])
-        factor = road_factor(X(frame), O(number), self._cameras.arm_m, below_camera_m, sigma_m)
-        self._window.settle([self._window.add(factor, RoadTag(number))])
+        record = Record("road height", (X(frame), O(number)), np.array([below_camera_m, sigma_m]))
+        self._window.settle([add_record(self._window, record, self._cameras, RoadTag(number))])

@@ -129,6 +129,10 @@ class ObservationCost:
         assert self._root is not None
         jacobian = self._root.root[:, :-1]
         residual: Floats = jacobian @ step + self._root.root[:, -1]
+        if self.view is None and self._at is not None:  # it may be far from here
+            turned = self._at[0].rotation.T @ camera_from_object.rotation
+            by_pose = along_step(jacobian[:, :6], turned)
+            jacobian = np.concatenate([by_pose, jacobian[:, 6:]], axis=1)
         return jacobian, residual
 
     def freeze(self, camera_from_object: Pose, z: Floats) -> None:
@@ -194,15 +198,47 @@ def linearize_all(
 
     Relative poses are camera_from_object (n, 3, 3) and (n, 3), modes z (n, modes) or None for all.
     """
+    roots, steps = _roots_and_steps(costs, rotations, translations, z)
+    jacobians = roots[:, :, :-1]
+    residuals: Floats = (jacobians @ steps[:, :, None])[:, :, 0] + roots[:, :, -1]
+    frozen = [k for k, cost in enumerate(costs) if cost.view is None]
+    if frozen:
+        back = np.array([costs[k].frozen[0].rotation for k in frozen]).transpose(0, 2, 1)
+        jacobians = jacobians.copy()
+        jacobians[frozen, :, :6] = along_step(jacobians[frozen, :, :6], back @ rotations[frozen])
+    return jacobians, residuals
+
+
+def residuals_all(
+    costs: Sequence[ObservationCost], rotations: Floats, translations: Floats, z: Floats | None
+) -> Floats:
+    """The residuals (n, w + 1) of `linearize_all` alone."""
+    roots, steps = _roots_and_steps(costs, rotations, translations, z)
+    found: Floats = (roots[:, :, :-1] @ steps[:, :, None])[:, :, 0] + roots[:, :, -1]
+    return found
+
+
+def along_step(jacobian: Floats, turned: Floats) -> Floats:
+    """Derivatives (..., n, 6) over steps from a pose, as derivatives over the pose that a step leads to.
+
+    `turned` (..., 3, 3) is the step's rotation T. The step's translation moves by T; its rotation, T's skew part, by
+    (tr(T) I - T^T) / 2.
+    """
+    back = np.swapaxes(turned, -1, -2)
+    by_turn = 0.5 * (np.trace(turned, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - back)
+    return np.concatenate([jacobian[..., :3] @ turned, jacobian[..., 3:] @ by_turn], axis=-1)
+
+
+def _roots_and_steps(
+    costs: Sequence[ObservationCost], rotations: Floats, translations: Floats, z: Floats | None
+) -> tuple[Floats, Floats]:
+    """Square roots (n, w + 1, w + 1), linearized anew where a view has moved too far, and steps (n, w) from there."""
     _linearize_anew([k for k, cost in enumerate(costs) if cost.is_new], costs, rotations, translations, z)
     steps, is_far = _steps(costs, rotations, translations, z)
     if is_far.any():
         _linearize_anew([int(k) for k in np.flatnonzero(is_far)], costs, rotations, translations, z)
         steps[is_far] = 0.0
-    roots = np.array([cost.frozen[2].root for cost in costs])
-    jacobians = roots[:, :, :-1]
-    residuals: Floats = (jacobians @ steps[:, :, None])[:, :, 0] + roots[:, :, -1]
-    return jacobians, residuals
+    return np.array([cost.frozen[2].root for cost in costs]), steps
 
 
 def _linearize_anew(

@@ -12,9 +12,11 @@ from gtsam.symbol_shorthand import O, S, Z
 from meshslam.geometry import Floats, Pose
 from meshslam.graph.camera_states import CameraStates
 from meshslam.graph.object_factor import ObservationCost
+from meshslam.graph.record_factors import add_record
+from meshslam.graph.records import Record, pose_record, vector_record
 from meshslam.graph.tags import ObservationTag, RoadTag
 from meshslam.graph.view_terms import ViewTerm, view_factor
-from meshslam.graph.window import Entry, Window, linear_factor
+from meshslam.graph.window import Entry, Window
 from meshslam.motion import from_pose3, to_gtsam_covariance, to_pose3
 
 SIZE = S(0)  # how much larger all objects are than their category's mean, in its sigmas
@@ -68,15 +70,16 @@ class ObjectVariables:
         g (modes,), of unit length, makes an object larger as a whole; s ~ N(0, size_sigma^2) is one for all objects:
         the cars of one place may all be larger than the category's mean, and without s their size would fix the scale.
         """
-        values, noise = self._window.values, gtsam.noiseModel
+        values = self._window.values
         values.insert(O(number), to_pose3(world_from_object))
         values.insert(Z(number), z)
-        weak = noise.Diagonal.Sigmas(_WEAK_SIGMAS)
-        self._window.add(gtsam.PriorFactorPose3(O(number), to_pose3(world_from_object), weak))
+        records = [pose_record(O(number), world_from_object, _WEAK_SIGMAS)]
         if not values.exists(SIZE):
             values.insert(SIZE, np.zeros(1))
-            self._window.add(gtsam.PriorFactorVector(SIZE, np.zeros(1), noise.Isotropic.Sigma(1, size_sigma)))
-        self._window.add(linear_factor(Z(number), np.eye(len(z)), SIZE, -scale_direction[:, None]))
+            records.append(vector_record(SIZE, np.zeros(1), size_sigma))
+        records.append(Record("size", (Z(number), SIZE), scale_direction))
+        for record in records:
+            add_record(self._window, record, self._cameras)
         self._last_frame[number] = self._cameras.newest
         self._landmarks[number] = []
 
@@ -153,12 +156,6 @@ class ObjectVariables:
             self._landmarks.pop(number, None)
         return {O(n) for n in unseen} | shaped
 
-    def freeze(self) -> None:
-        """Linearize all observations of landmarks for good at the current estimate."""
-        for number in list(self._landmarks):
-            self._freeze(number)
-            self._landmarks[number] = []
-
     def clear(self) -> None:
         """Forget which objects the window holds."""
         self._last_frame, self._landmarks = {}, {}
@@ -168,10 +165,16 @@ class ObjectVariables:
         rows = [[n, f, n in self._landmarks] for n, f in self._last_frame.items()]
         return {"objects": np.array(rows, float).reshape(-1, 3)}
 
-    def fill(self, arrays: Mapping[str, Floats]) -> None:
-        """The reverse of `to_arrays`."""
+    def fill(self, arrays: Mapping[str, Floats], open_observations: Sequence[ObservationTag]) -> None:
+        """The reverse of `to_arrays`, with the observations of landmarks in the order in which they came."""
         self._last_frame = {int(n): int(f) for n, f, _ in arrays["objects"]}
         self._landmarks = {int(n): [] for n, _, shaped in arrays["objects"] if shaped}
+        for tag in open_observations:
+            self._landmarks[tag.number].append(tag)
+
+    def open_observations(self) -> list[ObservationTag]:
+        """Those that are linearized once more when their landmark leaves the window."""
+        return [tag for tags in self._landmarks.values() for tag in tags]
 
     def _freeze(self, number: int) -> None:
         """Linearize a landmark's observations for good, now that all of them have had their say."""

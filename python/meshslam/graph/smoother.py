@@ -13,23 +13,16 @@ from meshslam.geometry import Floats, Pose
 from meshslam.graph.camera_covariance import path_covariances
 from meshslam.graph.camera_states import CameraStates, FrameEstimate
 from meshslam.graph.config import SmootherConfig, StartConfig
-from meshslam.graph.full_trajectory import History, Pair, smooth_full_trajectory
+from meshslam.graph.full_trajectory import FindPairs, History, Pair, smooth_full_trajectory
 from meshslam.graph.measurements import Measurements
 from meshslam.graph.object_factor import CameraPlace, place_camera
 from meshslam.graph.object_variables import ObjectVariables
-from meshslam.graph.start_factors import OFFSET, ROTATION, start_factors
+from meshslam.graph.record_factors import add_record
+from meshslam.graph.records import biases_record, imu_record, step_record, vector_record
+from meshslam.graph.start_factors import OFFSET, ROTATION, start_records
 from meshslam.graph.tags import DISPLACEMENT, ObservationTag, PointTag
 from meshslam.graph.window import Entry, Window
-from meshslam.motion import (
-    OURS_FROM_GTSAM,
-    ImuConfig,
-    Interval,
-    Mounting,
-    NavState,
-    RelativeMotion,
-    from_pose3,
-    to_pose3,
-)
+from meshslam.motion import ImuConfig, Interval, Mounting, NavState, RelativeMotion, from_pose3
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,24 +84,25 @@ class Smoother:
         values, mounting = self.window.values, self._mounting
         values.insert(ROTATION, gtsam.Rot3(mounting.imu_from_camera.rotation))
         values.insert(OFFSET, np.array([mounting.time_offset_s]))
-        for factor in start_factors(
-            self._start, self._imu, state, mounting, self.cameras.keys(0), self.cameras.memo(0)
-        ):
-            self.window.add(factor)
+        for record in start_records(self._start, self._imu, state, mounting, self.cameras.keys(0)):
+            add_record(self.window, record, self.cameras)
 
     def advance(self, predicted: NavState, tie: Interval | RelativeMotion) -> None:
         """The next frame, tied to the last by its IMU samples, or by the camera's relative motion."""
         i, j = self.frame, self.frame + 1
         self.cameras.insert(j, predicted, tie.angular_rate_rad_s)
-        if isinstance(tie, Interval):
-            self.window.add(gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), tie.measurements))
-            return
-        diagonal, isotropic = gtsam.noiseModel.Diagonal.Sigmas, gtsam.noiseModel.Isotropic.Sigma
-        step = to_pose3(tie.first_from_second)
-        self.window.add(gtsam.BetweenFactorPose3(X(i), X(j), step, diagonal(tie.sigmas[OURS_FROM_GTSAM])))
-        # velocity and biases mean nothing here; the keys of observations ask for them
-        self.window.add(gtsam.PriorFactorVector(V(j), predicted.velocity_in_world, isotropic(3, 1.0)))
-        self.window.add(gtsam.PriorFactorConstantBias(B(j), gtsam.imuBias.ConstantBias(), isotropic(6, 1e-3)))
+        records = (
+            [imu_record((X(i), V(i), X(j), V(j), B(i), B(j)), tie.readings)]
+            if isinstance(tie, Interval)
+            else [
+                step_record(X(i), X(j), tie),
+                # velocity and biases mean nothing here; the keys of observations ask for them
+                vector_record(V(j), predicted.velocity_in_world, 1.0),
+                biases_record(B(j), np.zeros(6), np.full(6, 1e-3)),
+            ]
+        )
+        for record in records:
+            add_record(self.window, record, self.cameras)
 
     def solve(self) -> None:
         """Lower the cost of the window; observations that are old enough are held as linear factors."""
@@ -144,10 +138,15 @@ class Smoother:
         if self.history is not None:
             self.history.forget(number)
 
-    def full_trajectory(self, joined: Sequence[Pair], iterations: int) -> FullTrajectory:
-        """Smooth over all frames and landmarks there were, `joined` being pairs of landmarks that are one object."""
+    def full_trajectory(
+        self, joined: Sequence[Pair], iterations: int, find_more: FindPairs | None = None
+    ) -> FullTrajectory:
+        """Smooth over all frames and landmarks there were, see `smooth_full_trajectory`.
+
+        `joined` are pairs of landmarks that are one object, `find_more` finds others in the smoothed graph.
+        """
         assert self.history is not None
-        everything, held = smooth_full_trajectory(self.history, self.window, joined, iterations)
+        everything, held = smooth_full_trajectory(self.history, self.window, joined, iterations, find_more)
         values = everything.values
         turn = Pose(values.atRot3(ROTATION).matrix(), self.cameras.arm_m)
         offset = float(values.atVector(OFFSET)[0])

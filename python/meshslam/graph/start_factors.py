@@ -9,6 +9,7 @@ from gtsam.symbol_shorthand import B, E, T, V
 from meshslam.geometry import Floats, Pose, right_jacobian_inverse
 from meshslam.graph.config import StartConfig
 from meshslam.graph.object_factor import CameraKeys, CameraMemo
+from meshslam.graph.records import Record, biases_record, first_camera_record, rotation_record, vector_record
 from meshslam.motion import ImuConfig, Mounting, NavState, to_gtsam_columns
 
 ROTATION, OFFSET = E(0), T(0)  # of the mounting, one for all frames
@@ -46,24 +47,21 @@ def start_pose_factor(
     return gtsam.CustomFactor(noise, list(keys), error)
 
 
-def start_factors(
-    start: StartConfig, imu: ImuConfig, state: NavState, mounting: Mounting, keys: CameraKeys, memo: CameraMemo
-) -> list[gtsam.NoiseModelFactor]:
+def start_records(
+    start: StartConfig, imu: ImuConfig, state: NavState, mounting: Mounting, keys: CameraKeys
+) -> list[Record]:
     """Priors of the first camera's pose, the IMU's velocity and biases, and rotation and clock of the mounting.
 
     What is known at the start is the camera's pose: a prior of the IMU's would leave the camera as uncertain as the
-    mounting is. `keys` and `memo` are the first frame's.
+    mounting is. `keys` are the first frame's.
     """
-    noise = gtsam.noiseModel
-    bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-    bias_sigmas = np.array([imu.accelerometer_bias_sigma_m_s2] * 3 + [imu.gyroscope_bias_sigma_rad_s] * 3)
-    turn, offset = gtsam.Rot3(mounting.imu_from_camera.rotation), np.array([mounting.time_offset_s])
-    turn_noise = noise.Isotropic.Sigma(3, np.radians(imu.extrinsic_rotation_sigma_deg))
-    velocity_noise = noise.Isotropic.Sigma(3, start.velocity_sigma_m_s)
+    biases = np.concatenate([state.accelerometer_bias, state.gyroscope_bias])
+    sigmas = np.array([imu.accelerometer_bias_sigma_m_s2] * 3 + [imu.gyroscope_bias_sigma_rad_s] * 3)
+    turn_sigma_rad = float(np.radians(imu.extrinsic_rotation_sigma_deg))
     return [
-        start_pose_factor(start, mounting.world_from_camera(state, np.zeros(3)), keys, memo),
-        gtsam.PriorFactorVector(V(0), state.velocity_in_world, velocity_noise),
-        gtsam.PriorFactorConstantBias(B(0), bias, noise.Diagonal.Sigmas(bias_sigmas)),
-        gtsam.PriorFactorRot3(ROTATION, turn, turn_noise),
-        gtsam.PriorFactorVector(OFFSET, offset, noise.Isotropic.Sigma(1, imu.time_offset_sigma_s)),
+        first_camera_record(keys, mounting.world_from_camera(state, np.zeros(3)), start),
+        vector_record(V(0), state.velocity_in_world, start.velocity_sigma_m_s),
+        biases_record(B(0), biases, sigmas),
+        rotation_record(ROTATION, mounting.imu_from_camera.rotation, turn_sigma_rad),
+        vector_record(OFFSET, np.array([mounting.time_offset_s]), imu.time_offset_sigma_s),
     ]

@@ -18,6 +18,7 @@ Term = LinearFactor | PointTerm | ViewTerm
 
 _POSES = "xo"  # kinds of variables, by the first letter of their key
 _VECTORS = "vtsz"
+_BLOCKS = {"v": "x", "b": "x", "z": "o"}  # kinds whose variables are eliminated with those of another kind
 _MANY = 8  # poses
 
 
@@ -81,7 +82,7 @@ class WindowFactors:
 
     def system(self, values: gtsam.Values, widths: dict[int, int]) -> BlockSystem:
         """The normal equations at these values; `widths` are those of all variables."""
-        system = BlockSystem(widths)
+        system = BlockSystem(widths, [_block_of(key) for key in widths])
         _add_all(system, self._others.linearize(values))
         self._views.add_to(system, values)
         for term, equations in zip(self._points, self._point_equations(values), strict=True):
@@ -101,6 +102,12 @@ class WindowFactors:
         if self._at is None or self._at[0] is not values:
             self._at = values, variables_of(values, self._linear_names)
         return self._at[1]
+
+
+def _block_of(key: int) -> int:
+    """What a variable is eliminated with: all of a frame together, and all of an object."""
+    kind = chr(key >> 56)
+    return key ^ ((ord(kind) ^ ord(_BLOCKS.get(kind, kind))) << 56)
 
 
 def _add_all(system: BlockSystem, linear: gtsam.GaussianFactorGraph) -> None:

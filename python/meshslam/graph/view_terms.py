@@ -12,8 +12,17 @@ import gtsam
 import numpy as np
 
 from meshslam.geometry import BlockSystem, Floats, Ints, Pose
-from meshslam.graph.object_factor import CameraKeys, CameraMemo, ObservationCost, linearize_all, object_factor
+from meshslam.graph.object_factor import (
+    CameraKeys,
+    CameraMemo,
+    ObservationCost,
+    linearize_all,
+    object_factor,
+    residuals_all,
+)
 from meshslam.motion import OURS_FROM_GTSAM, from_pose3
+
+_TOGETHER = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +50,15 @@ class ViewTerms:
     """Observations of a window."""
 
     def __init__(self, terms: Sequence[ViewTerm]) -> None:
-        """Those over the same kinds of variables are evaluated together."""
+        """Those over the same kinds of variables are evaluated together, as many as the processor's cache holds."""
         kinds: dict[tuple[int, int], list[ViewTerm]] = {}
         for term in terms:
             kinds.setdefault((len(term.keys), 0 if term.z is None else term.cost.model.mode_count), []).append(term)
-        self._kinds = [_Kind(found) for found in kinds.values()]
+        self._kinds = [
+            _Kind(found[start : start + _TOGETHER])
+            for found in kinds.values()
+            for start in range(0, len(found), _TOGETHER)
+        ]
 
     def cost(self, values: gtsam.Values) -> float:
         """The sum of their costs."""
@@ -69,7 +82,7 @@ class _Kind:
 
     def cost(self, values: gtsam.Values) -> float:
         rotation, translation, z = self._relative(values)
-        _, residual = linearize_all([term.cost for term in self._terms], rotation, translation, z)
+        residual = residuals_all([term.cost for term in self._terms], rotation, translation, z)
         return 0.5 * float(np.square(residual).sum())
 
     def rows(self, values: gtsam.Values) -> Floats:

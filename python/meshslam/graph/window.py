@@ -16,9 +16,28 @@ import numpy as np
 from meshslam.errors import GeometryError
 from meshslam.geometry import Floats, LinearFactor, Solution
 from meshslam.graph.marginals import Group, joint_covariances
+from meshslam.graph.records import Record
 from meshslam.graph.terms import Term, WindowFactors, variables_of, vector_values
 
 _HALVINGS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Linearized:
+    """|A x - b|, x being steps of some variables from values."""
+
+    keys: tuple[int, ...]  # in the order of A's columns
+    rows: Floats  # [A b]
+    at: gtsam.Values
+
+    def factor(self) -> gtsam.LinearContainerFactor:
+        """The same as one of GTSAM's factors."""
+        widths = [self.at.extract([key]).dim() for key in self.keys]
+        return rows_factor(list(zip(self.keys, widths, strict=True)), self.rows, self.at)
+
+    def term(self) -> LinearFactor:
+        """The same as the core's."""
+        return LinearFactor(self.keys, variables_of(self.at, self.keys), self.rows)
 
 
 @dataclass(eq=False)
@@ -31,6 +50,8 @@ class Entry:
     origin: gtsam.NonlinearFactor | None = None  # the factor before it was settled; None: what variables left behind
     term: Term | None = None
     origin_term: Term | None = None
+    record: Record | None = None  # what the factor was made of, if it is neither an observation nor point tracks
+    linearized: Linearized | None = None  # what is held in its place
 
 
 def eliminated(linear: gtsam.GaussianFactorGraph) -> gtsam.GaussianBayesTree:
@@ -87,25 +108,31 @@ class Window:
         Entries change by being settled, their observations by being linearized.
         """
         attributes, entries, values = dict(vars(self)), list(self.entries), gtsam.Values(self.values)
-        factors = [(entry, entry.factor, entry.term) for entry in entries]
+        factors = [(entry, entry.factor, entry.term, entry.linearized) for entry in entries]
         costs = [cost for entry in entries if (cost := getattr(entry.tag, "cost", None)) is not None]
-        linearized = [(vars(cost), dict(vars(cost))) for cost in costs]
+        observed = [(vars(cost), dict(vars(cost))) for cost in costs]
 
         def undo() -> None:
             vars(self).update(attributes)
             self.entries[:] = entries
             self.values.clear()
             self.values.insert(values)
-            for entry, factor, term in factors:
-                entry.factor, entry.term = factor, term
-            for fields, held in linearized:
+            for entry, factor, term, linearized in factors:
+                entry.factor, entry.term, entry.linearized = factor, term, linearized
+            for fields, held in observed:
                 fields.update(held)
 
         return undo
 
-    def add(self, factor: gtsam.NonlinearFactor, tag: object = None, term: Term | None = None) -> Entry:
+    def add(
+        self,
+        factor: gtsam.NonlinearFactor,
+        tag: object = None,
+        term: Term | None = None,
+        record: Record | None = None,
+    ) -> Entry:
         """Take in a factor."""
-        entry = Entry(factor, frozenset(factor.keys()), tag, factor, term, term)
+        entry = Entry(factor, frozenset(factor.keys()), tag, factor, term, term, record)
         self.entries.append(entry)
         return entry
 
@@ -158,6 +185,19 @@ class Window:
         widths = {key: self._width(key) for group in groups for key in group}
         return joint_covariances(self.linearized(), groups, widths, last)
 
+    def path_covariances(self, groups: Sequence[Group], last: Sequence[int]) -> list[Floats]:
+        """As `joint_covariances` of many groups at the values, at a small part of the cost, and to seven digits of them.
+
+        By Cholesky in the core; by QR where a pivot is lost to rounding.
+        """
+        factors = WindowFactors((entry.factor, entry.term) for entry in self.entries)
+        system = factors.system(self.values, {key: self._width(key) for key in sorted(self.values.keys())})
+        try:
+            return system.covariances(groups, last)
+        except GeometryError:
+            widths = {key: self._width(key) for group in groups for key in group}
+            return joint_covariances(self.linearized(), groups, widths, last)
+
     def covariance(self, key: int) -> Floats:
         """Covariance of a variable in GTSAM's tangent space."""
         linear = self._graph(self.entries).linearize(self.values)
@@ -191,8 +231,7 @@ class Window:
         """Hold factors as they are linearized now."""
         for entry in entries:
             if not isinstance(entry.factor, gtsam.LinearContainerFactor):
-                linear = entry.factor.linearize(self.values)
-                entry.factor, entry.term = self._held(linear)
+                entry.factor, entry.term, entry.linearized = self._held(entry.factor.linearize(self.values))
 
     def marginalize(self, keys: set[int]) -> list[Entry]:
         """Take variables out; what their factors say of the others stays. Returns the factors that are gone.
@@ -208,8 +247,8 @@ class Window:
         for i in range(rest.size()):
             factor = rest.at(i)
             if factor is not None and factor.size():
-                held, term = self._held(factor)
-                self.entries.append(Entry(held, frozenset(factor.keys()), term=term))
+                held, term, linearized = self._held(factor)
+                self.entries.append(Entry(held, frozenset(factor.keys()), term=term, linearized=linearized))
         for key in keys:
             self.values.erase(key)
         return touched
@@ -222,12 +261,11 @@ class Window:
         """Take in |A x - b| over (key, width) in this order, x being steps from the values held; `rows` is [A b]."""
         self.add(rows_factor(keys, rows, self.values))
 
-    def _held(self, linear: gtsam.GaussianFactor) -> tuple[gtsam.LinearContainerFactor, LinearFactor]:
-        """A linear factor about the values, for GTSAM and for the core."""
-        keys = linear.keys()
-        rows = np.asarray(linear.augmentedJacobian())
-        term = LinearFactor(keys, variables_of(self.values, keys), rows)
-        return gtsam.LinearContainerFactor(linear, self._subset(frozenset(keys))), term
+    def _held(self, linear: gtsam.GaussianFactor) -> tuple[gtsam.LinearContainerFactor, LinearFactor, Linearized]:
+        """A linear factor about the values, for GTSAM, for the core, and as plain numbers."""
+        keys = tuple(linear.keys())
+        plain = Linearized(keys, np.asarray(linear.augmentedJacobian()), self._subset(frozenset(keys)))
+        return gtsam.LinearContainerFactor(linear, plain.at), plain.term(), plain
 
     def _graph(self, entries: Iterable[Entry]) -> gtsam.NonlinearFactorGraph:
         graph = gtsam.NonlinearFactorGraph()

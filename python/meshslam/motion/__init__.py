@@ -14,10 +14,12 @@ if TYPE_CHECKING:
         to_pose3,
     )
     from meshslam.motion.imu import (
+        ImuNoise,
         Interval,
         Mounting,
         NavState,
         Preintegrator,
+        Readings,
         RelativeMotion,
         check_imu,
         mean_specific_force,
@@ -36,8 +38,8 @@ else:
             "config": "ImuConfig OdometryConfig",
             "gtsam_bridge": "OURS_FROM_GTSAM from_pose3 to_gtsam_columns to_gtsam_covariance to_pose3",
             "imu": (
-                "Interval Mounting NavState Preintegrator RelativeMotion check_imu mean_specific_force predict "
-                "rate_at sample_rate_hz state_of_camera"
+                "ImuNoise Interval Mounting NavState Preintegrator Readings RelativeMotion check_imu "
+                "mean_specific_force predict rate_at sample_rate_hz state_of_camera"
             ),
             "imu_buffer": "ImuBuffer",
             "inertial_odometry": "first_velocity inertial_path start_state",
@@ -51,6 +53,7 @@ __all__ = [
     "ImuBuffer",
     "ImuConfig",
     "ImuMotion",
+    "ImuNoise",
     "Interval",
     "MotionSource",
     "Mounting",
@@ -58,6 +61,7 @@ __all__ = [
     "OdometryConfig",
     "OdometryMotion",
     "Preintegrator",
+    "Readings",
     "RelativeMotion",
     "check_imu",
     "first_velocity",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import gtsam
 import numpy as np
@@ -27,11 +28,40 @@ class NavState:
     gyroscope_bias: Floats  # (3,), rad/s
 
 
+@dataclass(frozen=True)
+class ImuNoise:
+    """What preintegration is told of an IMU; densities as in `ImuConfig`."""
+
+    gravity_m_s2: float
+    gyroscope: float
+    accelerometer: float
+    gyroscope_walk: float
+    accelerometer_walk: float
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What is preintegrated: the samples of an interval and the biases that they are integrated with."""
+
+    steps: Floats  # (n, 7): mean specific force, m/s2, mean angular rate, rad/s, and duration, s, from sample to sample
+    biases: Floats  # (6,), of accelerometer and gyroscope
+    noise: ImuNoise
+
+    def preintegrated(self) -> gtsam.PreintegratedCombinedMeasurements:
+        """Integrate them; equal readings give equal bits."""
+        bias = gtsam.imuBias.ConstantBias(self.biases[:3], self.biases[3:])
+        out = gtsam.PreintegratedCombinedMeasurements(_params(self.noise), bias)
+        for row in self.steps:
+            out.integrateMeasurement(row[:3], row[3:6], float(row[6]))
+        return out
+
+
 @dataclass(frozen=True, eq=False)
 class Interval:
     """Preintegrated samples between two times."""
 
-    measurements: gtsam.PreintegratedCombinedMeasurements
+    readings: Readings
+    measurements: gtsam.PreintegratedCombinedMeasurements  # of the readings
     angular_rate_rad_s: Floats  # (3,), measured at the end
     has_gap: bool
 
@@ -84,8 +114,8 @@ class Preintegrator:
 
     def __init__(self, config: ImuConfig) -> None:
         self.config = config
-        self._usual = _params(config, config.gyroscope_noise, config.accelerometer_noise)
-        self._in_gap = _params(config, config.gap_gyroscope_noise, config.gap_accelerometer_noise)
+        self._usual = _noise(config, config.gyroscope_noise, config.accelerometer_noise)
+        self._in_gap = _noise(config, config.gap_gyroscope_noise, config.gap_accelerometer_noise)
 
     def between(self, imu: ImuSamples, start_s: float, end_s: float, state: NavState) -> Interval:
         """Integrate from start to end with the biases of a state.
@@ -100,13 +130,10 @@ class Preintegrator:
         columns = np.column_stack([imu.specific_force_m_s2[near], imu.angular_rate_rad_s[near]])
         values = np.column_stack([np.interp(at, times[near], column) for column in columns.T])
         has_gap = self._has_gap(times[near], start_s, end_s, sample_rate_hz(imu))
-        bias = gtsam.imuBias.ConstantBias(state.accelerometer_bias, state.gyroscope_bias)
-        out = gtsam.PreintegratedCombinedMeasurements(self._in_gap if has_gap else self._usual, bias)
-        middle = 0.5 * (values[1:] + values[:-1])
-        for step_s, row in zip(np.diff(at).tolist(), middle, strict=True):
-            if step_s > 1e-9:
-                out.integrateMeasurement(row[:3], row[3:], step_s)
-        return Interval(out, values[-1, 3:], has_gap)
+        steps = np.column_stack([0.5 * (values[1:] + values[:-1]), np.diff(at)])
+        biases = np.concatenate([state.accelerometer_bias, state.gyroscope_bias])
+        readings = Readings(steps[steps[:, 6] > 1e-9], biases, self._in_gap if has_gap else self._usual)
+        return Interval(readings, readings.preintegrated(), values[-1, 3:], has_gap)
 
     def _has_gap(self, near_s: Floats, start_s: float, end_s: float, rate_hz: float) -> bool:
         longest = self.config.gap_periods / max(rate_hz, 1e-9)
@@ -159,11 +186,17 @@ def mean_specific_force(imu: ImuSamples, times_s: Floats, frame_from_imu: Sequen
     return mean
 
 
-def _params(config: ImuConfig, gyroscope: float, accelerometer: float) -> gtsam.PreintegrationCombinedParams:
-    params = gtsam.PreintegrationCombinedParams.MakeSharedU(config.gravity_m_s2)
-    params.setGyroscopeCovariance(gyroscope**2 * np.eye(3))
-    params.setAccelerometerCovariance(accelerometer**2 * np.eye(3))
+def _noise(config: ImuConfig, gyroscope: float, accelerometer: float) -> ImuNoise:
+    walks = config.gyroscope_walk, config.accelerometer_walk
+    return ImuNoise(config.gravity_m_s2, gyroscope, accelerometer, *walks)
+
+
+@lru_cache(maxsize=16)
+def _params(noise: ImuNoise) -> gtsam.PreintegrationCombinedParams:
+    params = gtsam.PreintegrationCombinedParams.MakeSharedU(noise.gravity_m_s2)
+    params.setGyroscopeCovariance(noise.gyroscope**2 * np.eye(3))
+    params.setAccelerometerCovariance(noise.accelerometer**2 * np.eye(3))
     params.setIntegrationCovariance(1e-8 * np.eye(3))
-    params.setBiasAccCovariance(config.accelerometer_walk**2 * np.eye(3))
-    params.setBiasOmegaCovariance(config.gyroscope_walk**2 * np.eye(3))
+    params.setBiasAccCovariance(noise.accelerometer_walk**2 * np.eye(3))
+    params.setBiasOmegaCovariance(noise.gyroscope_walk**2 * np.eye(3))
     return params

@@ -125,7 +125,7 @@ class ImageMotion:
     def fill(self, plain: Mapping[str, Any]) -> None:
         """See MotionSource."""
         if plain:
-            zero, pose = np.zeros(3), Pose.from_matrix(np.array(plain["world_from_camera"]))
+            zero, pose = np.zeros(3), Pose.restored(np.array(plain["world_from_camera"]))
             self._before = NavState(plain["time_s"], pose, zero, zero, zero)
 
     def first_rate(self, imu: ImuSamples, time_s: float) -> Floats:

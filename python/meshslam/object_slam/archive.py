@@ -20,6 +20,16 @@ from meshslam.perception import Detection
 _ARRAYS = ("keypoints", "keypoint_scores", "keypoint_sigmas_px", "viewing_angle_shares")  # of a detection
 
 
+def packed_json(plain: Any) -> Bytes:  # noqa: ANN401 # any JSON
+    """JSON as bytes: NumPy's strings take four for each of its letters."""
+    return np.frombuffer(json.dumps(plain).encode(), np.uint8)
+
+
+def unpacked_json(packed: Bytes) -> Any:  # noqa: ANN401 # any JSON
+    """The reverse of `packed_json`."""
+    return json.loads(packed.tobytes())
+
+
 def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
     """All that a run needs to go on."""
     at = estimator.odometry_frame
@@ -28,6 +38,7 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
         "times_s": estimator.times_s,
         "path": [estimator.path[f].matrix.tolist() for f in estimator.frame_ids],
         "moving": sorted(estimator.moving),
+        "looked_at": estimator.looked_at,
         "joined": estimator.joined,
         "in_view": sorted(estimator.in_view.items()),
         "odometry_frame": {
@@ -45,7 +56,7 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
         np.packbits(observation.occluder) for c in estimator.candidates.values() for observation in c.observations
     ]
     return {
-        "plain": np.array(json.dumps(plain)),
+        "plain": packed_json(plain),
         "occluders": np.array(hidden, np.uint8),
         **smoother_to_arrays(estimator.smoother),
     }
@@ -53,11 +64,12 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
 
 def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -> None:
     """Fill a run that has not begun."""
-    plain = json.loads(str(arrays["plain"]))
+    plain = unpacked_json(arrays["plain"])
     estimator.frame_ids, estimator.times_s = plain["frame_ids"], plain["times_s"]
     estimator.path = {f: _pose(matrix) for f, matrix in zip(estimator.frame_ids, plain["path"], strict=True)}
     estimator.moving, estimator.in_view = set(plain["moving"]), {t: n for t, n in plain["in_view"]}
     estimator.joined = [(new, old) for new, old in plain["joined"]]
+    estimator.looked_at = plain["looked_at"]
     at = plain["odometry_frame"]
     estimator.odometry_frame = OdometryFrame(_pose(at["pose"]), at["distance_m"], at["closed_at_m"])
     estimator.landmarks = {mark["number"]: _landmark(mark) for mark in plain["landmarks"]}
@@ -66,7 +78,7 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
         estimator.road.count, estimator.road.next_frame = plain["road"]
     estimator.motion.fill(plain["motion"])
     setup = estimator.setup
-    smoother_from_arrays(estimator.smoother, arrays, setup.model, setup.noise)
+    smoother_from_arrays(estimator.smoother, arrays, setup.model, setup.noise, setup.camera)
     hidden = iter(arrays["occluders"])
     for row in plain["candidates"]:
         observations = [
@@ -77,7 +89,7 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
 
 
 def _pose(matrix: Any) -> Pose:  # noqa: ANN401 # nested lists
-    return Pose.from_matrix(np.array(matrix, float))
+    return Pose.restored(np.array(matrix, float))
 
 
 def _mask(packed: Bytes, estimator: SlamEstimator) -> Bytes:

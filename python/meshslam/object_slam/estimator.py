@@ -167,11 +167,12 @@ class SlamEstimator:
 
         Landmarks that then stand in one place are one object, and once joined, hold the path together too.
         """
-        iterations = self.setup.slam.full_trajectory_iterations
-        full = self.smoother.full_trajectory(self.joined, iterations)
-        places = {n: pose for n, pose in full.world_from_object.items() if not self.landmarks[n].moves}
-        more = coincident_landmarks(places, full.joined, self.setup.mapping.merge_distance_m)
-        return self.smoother.full_trajectory([*full.joined, *more], iterations) if more else full
+
+        def coincident(places: Mapping[int, Pose], joined: Sequence[Pair]) -> list[Pair]:
+            standing = {n: pose for n, pose in places.items() if not self.landmarks[n].moves}
+            return coincident_landmarks(standing, joined, self.setup.mapping.merge_distance_m)
+
+        return self.smoother.full_trajectory(self.joined, self.setup.slam.full_trajectory_iterations, coincident)
 
     def camera_covariance(self) -> Floats:
         """Covariance (6, 6) of the newest world_from_camera, right perturbation, (translation, rotation)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -15,7 +14,7 @@ from meshslam.categories import Category, load_category
 from meshslam.errors import SequenceError
 from meshslam.features import FrameFeatures, ImageFeatures
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import CameraPrediction, FullTrajectory, StartConfig, unchanged, unchanged_by_errors
+from meshslam.graph import CameraPrediction, FullTrajectory, StartConfig, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
 from meshslam.mapping import MappingConfig, ObjectMapping
@@ -26,8 +25,10 @@ from meshslam.object_slam.archive import (
     detection_to_plain,
     estimator_from_arrays,
     estimator_to_arrays,
+    packed_json,
     state_from_plain,
     state_to_plain,
+    unpacked_json,
 )
 from meshslam.object_slam.config import SlamConfig
 from meshslam.object_slam.estimator import SlamEstimator, SlamReport
@@ -51,7 +52,7 @@ from meshslam.perception import (
 from meshslam.plausibility import RatesBySight
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-4"
+FORMAT = "meshslam-slam-5"
 Progress = Callable[[str, int, int], None]
 
 
@@ -455,9 +456,9 @@ class Slam:
         )
 
     def save(self, path: Path | str) -> None:
-        """Write the run (.npz): it continues here, and where it is loaded, with the same results.
+        """Write the run (.npz): it goes on where it is loaded as it goes on here, and as if it had not been saved.
 
-        Observations are linear from here on, and what they were made of is let go. SequenceError before it has started.
+        SequenceError before it has started.
         """
         if self._stream.last_s is None:
             raise SequenceError("nothing to save: no frame was processed yet")
@@ -472,7 +473,6 @@ class Slam:
             arrays |= {f"features_{k}": v for k, v in self._image_features.to_arrays().items()}
         arrays |= self._own_arrays()
         write_archive(path, FORMAT, self._stream.samples(), arrays)
-        self._fill(arrays, self._stream.samples())
 
     @staticmethod
     def load(path: Path | str, camera: Camera, **told: Any) -> Slam:  # noqa: ANN401 # as given
@@ -484,15 +484,10 @@ class Slam:
         return slam
 
     def __getstate__(self) -> dict[str, Any]:
-        """For copies and pickles: they hold all, but observations are linear in the copy, as in what is saved.
-
-        The original goes on as if it had not been copied; the copy's poses may differ from it by a few centimetres.
-        """
+        """For copies and pickles, which go on as the original does."""
         if self._estimator is None:
             return vars(self) | {"_settling": None}  # which begins anew from the frames that wait
-        with unchanged(self):
-            arrays = estimator_to_arrays(self._estimator)
-        return vars(self) | {"_estimator": None, "_copied": arrays}
+        return vars(self) | {"_estimator": None, "_copied": estimator_to_arrays(self._estimator)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """The reverse of `__getstate__`."""
@@ -514,14 +509,14 @@ class Slam:
             "has_images": self._image_features is not None,
             "first_state": state_to_plain(self.first_state),
         }
-        return {"own": np.array(json.dumps(plain))}
+        return {"own": packed_json(plain)}
 
     def _fill(self, arrays: Mapping[str, Any], imu: ImuSamples) -> None:
         """Go on from what was saved."""
-        plain = json.loads(str(arrays["own"]))
+        plain = unpacked_json(arrays["own"])
         self._stream.restore(imu, plain["last_s"], plain["next_number"])
-        self._filtered = [Pose.from_matrix(np.array(m)) for m in plain["filtered"]]
-        self._odometry = [Pose.from_matrix(np.array(m)) for m in plain["odometry"]]
+        self._filtered = [Pose.restored(np.array(m)) for m in plain["filtered"]]
+        self._odometry = [Pose.restored(np.array(m)) for m in plain["odometry"]]
         self._detections = {
             int(f): tuple(detection_from_plain(d) for d in found) for f, found in plain["detections"].items()
         }

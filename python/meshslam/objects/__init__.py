@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         with_surface_error,
         with_surface_sigmas,
     )
+    from meshslam.objects.saved_views import views_from_arrays, views_to_arrays
     from meshslam.objects.start_search import flipped
     from meshslam.objects.track import Track, choose_views, is_cut, make_views
 else:
@@ -46,6 +47,7 @@ else:
                 "height_over_road_m motion reconstruct refit uncertainty with_surface_error "
                 "with_surface_sigmas"
             ),
+            "saved_views": "views_from_arrays views_to_arrays",
             "start_search": "flipped",
             "track": "Track choose_views is_cut make_views",
         },
@@ -82,6 +84,8 @@ __all__ = [
     "signed_distance",
     "uncertainty",
     "view_bytes",
+    "views_from_arrays",
+    "views_to_arrays",
     "with_surface_error",
     "with_surface_sigmas",
 ]

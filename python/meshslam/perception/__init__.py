@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
     from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder, add_keypoints
     from meshslam.perception.keypoints.mirror import MIRRORED, Answers, answers_of
-    from meshslam.perception.masks import encode_mask
+    from meshslam.perception.masks import decode_segmentation, encode_mask
     from meshslam.perception.model_store import ADVICE, add_model, find_model, store_folder, stored_models
     from meshslam.perception.reading import LEAST_ANGLES, check_detections, read_detections, read_recorded_detections
     from meshslam.perception.segmentation import detect, load_segmenter
@@ -65,7 +65,7 @@ else:
             ),
             "keypoints.finder": "KeypointConfig KeypointFinder add_keypoints",
             "keypoints.mirror": "MIRRORED Answers answers_of",
-            "masks": "encode_mask",
+            "masks": "decode_segmentation encode_mask",
             "model_store": "ADVICE add_model find_model store_folder stored_models",
             "reading": "LEAST_ANGLES check_detections read_detections read_recorded_detections",
             "segmentation": "detect load_segmenter",
@@ -112,6 +112,7 @@ __all__ = [
     "corners",
     "counted_from_one",
     "cut_out",
+    "decode_segmentation",
     "detect",
     "encode_mask",
     "find_model",

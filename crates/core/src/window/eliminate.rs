@@ -1,7 +1,7 @@
 //! Cholesky's factor of a matrix of blocks, column of blocks by column of blocks; only blocks that elimination fills are
 //! held. Neighbouring variables with the same ties are eliminated together, as one dense front (Duff and Reid 1983).
 
-use nalgebra::{DMatrix, DMatrixViewMut, Dyn, U1};
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, U1};
 
 use super::order::Order;
 use crate::error::{Error, Result};
@@ -33,6 +33,18 @@ pub(super) struct Factor {
     starts: Vec<usize>,   // of each position's numbers; one more at the end
 }
 
+/// A variable among those of its position.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    pub position: usize,
+    pub offset: usize, // its first number among those of the position
+    pub width: usize,
+}
+
+/// Fronts whose panels hold covariances: of its columns, and of its rows with its columns.
+#[derive(Debug, Clone)]
+pub(super) struct Covariances(Factor);
+
 impl Factor {
     /// An empty one; positions from `tail` on are in fronts of their own.
     pub fn new(order: &Order, widths: &[usize], tail: usize) -> Self {
@@ -63,24 +75,23 @@ impl Factor {
         Self { fronts, front_of, starts }
     }
 
-    /// Add a symmetric matrix over some positions; `matrix` is whole, column by column.
-    pub fn add(&mut self, positions: &[usize], matrix: &[f64]) {
-        let mut from = 0;
-        let mut spans = Vec::with_capacity(positions.len());
-        for &position in positions {
-            let width = self.starts[position + 1] - self.starts[position];
-            spans.push((position, from, width));
-            from += width;
+    /// Add a symmetric matrix over some variables; `matrix` is whole, column by column.
+    pub fn add(&mut self, variables: &[Span], matrix: &[f64]) {
+        let mut size = 0;
+        let mut froms = Vec::with_capacity(variables.len());
+        for span in variables {
+            froms.push(size);
+            size += span.width;
         }
-        let size = from;
-        for &(column, column_from, column_width) in &spans {
-            let front = &mut self.fronts[self.front_of[column]];
-            let (at_column, height) = (self.starts[column] - self.starts[front.first], front.panel.nrows());
-            for &(row, row_from, row_width) in spans.iter().filter(|span| span.0 >= column) {
-                let at_row = front.row(row, &self.starts);
-                for k in 0..column_width {
-                    let target = &mut front.panel.as_mut_slice()[(at_column + k) * height + at_row..][..row_width];
-                    let source = &matrix[(column_from + k) * size + row_from..][..row_width];
+        for (column, column_from) in variables.iter().zip(&froms) {
+            let front = &mut self.fronts[self.front_of[column.position]];
+            let at_column = self.starts[column.position] - self.starts[front.first] + column.offset;
+            let height = front.panel.nrows();
+            for (row, row_from) in variables.iter().zip(&froms).filter(|(row, _)| row.position >= column.position) {
+                let at_row = front.row(row.position, &self.starts) + row.offset;
+                for k in 0..column.width {
+                    let target = &mut front.panel.as_mut_slice()[(at_column + k) * height + at_row..][..row.width];
+                    let source = &matrix[(column_from + k) * size + row_from..][..row.width];
                     target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
                 }
             }
@@ -180,12 +191,96 @@ impl Factor {
         out
     }
 
+    /// The covariances of the variables that each front ties together, from the last front to the first (Takahashi, Fagan
+    /// and Chin 1973): with G = L_RC L_CC⁻¹, Σ_RC = −Σ_RR G and Σ_CC = L_CC⁻ᵀ L_CC⁻¹ − Gᵀ Σ_RC.
+    ///
+    /// Only the fronts of `wanted` positions are filled, and those that they follow from.
+    pub fn into_covariances(mut self, wanted: &[usize]) -> Covariances {
+        let mut needed = vec![false; self.fronts.len()];
+        wanted.iter().for_each(|&position| needed[self.front_of[position]] = true);
+        for at in 0..self.fronts.len() {
+            if needed[at] {
+                self.fronts[at].rows.iter().for_each(|&row| needed[self.front_of[row]] = true);
+            }
+        }
+        for at in (0..self.fronts.len()).rev().filter(|&at| needed[at]) {
+            let front = &self.fronts[at];
+            let columns = front.columns;
+            let below = self.joint(front);
+            let root = front.panel.view((0, 0), (columns, columns));
+            let mut inverse = DMatrix::identity(columns, columns);
+            root.solve_lower_triangular_mut(&mut inverse); // no pivot is 0: elimination would have failed
+            let gain = front.panel.rows_range(columns..) * &inverse;
+            let across = -(below * &gain);
+            let own = inverse.tr_mul(&inverse) - gain.tr_mul(&across);
+            let panel = &mut self.fronts[at].panel;
+            panel.rows_range_mut(..columns).copy_from(&own);
+            panel.rows_range_mut(columns..).copy_from(&across);
+        }
+        Covariances(self)
+    }
+
+    /// The joint covariance of a front's rows, taken from the later fronts.
+    fn joint(&self, front: &Front) -> DMatrix<f64> {
+        let size = front.panel.nrows() - front.columns;
+        let mut out = DMatrix::zeros(size, size);
+        for (k, &column) in front.rows.iter().enumerate() {
+            let later = &self.fronts[self.front_of[column]];
+            let left = front.row_starts[k] - front.columns;
+            let from = self.starts[column] - self.starts[later.first];
+            for (i, &row) in front.rows.iter().enumerate().skip(k) {
+                let (top, height) = (front.row_starts[i] - front.columns, self.width(row));
+                let (at, of) = (later.row(row, &self.starts), later.panel.nrows());
+                for c in 0..self.width(column) {
+                    let source = &later.panel.as_slice()[(from + c) * of + at..][..height];
+                    out.as_mut_slice()[(left + c) * size + top..][..height].copy_from_slice(source);
+                }
+            }
+        }
+        out.fill_upper_triangle_with_lower_triangle();
+        out
+    }
+
+    fn width(&self, position: usize) -> usize {
+        self.starts[position + 1] - self.starts[position]
+    }
+
     /// The rows below a front's own columns: in its panel, and among all numbers.
     fn below<'a>(&'a self, front: &'a Front) -> impl Iterator<Item = (usize, usize)> + 'a {
         front.rows.iter().zip(&front.row_starts).flat_map(|(row, at)| {
             let places = self.starts[*row]..self.starts[*row + 1];
             places.enumerate().map(move |(k, place)| (at + k, place))
         })
+    }
+}
+
+impl Covariances {
+    /// The joint covariance of variables that one factor or one of the ties holds together, column by column.
+    pub fn of(&self, variables: &[Span]) -> Vec<f64> {
+        let size = variables.iter().map(|span| span.width).sum();
+        let mut out = DMatrix::zeros(size, size);
+        let mut left = 0;
+        for column in variables {
+            let mut top = 0;
+            for row in variables {
+                if row.position >= column.position {
+                    let block = self.block(row, column);
+                    out.view_mut((left, top), (column.width, row.width)).copy_from(&block.transpose());
+                    out.view_mut((top, left), (row.width, column.width)).copy_from(&block);
+                }
+                top += row.width;
+            }
+            left += column.width;
+        }
+        out.as_slice().to_vec()
+    }
+
+    fn block(&self, row: &Span, column: &Span) -> DMatrixView<'_, f64> {
+        let Self(factor) = self;
+        let front = &factor.fronts[factor.front_of[column.position]];
+        let from = factor.starts[column.position] - factor.starts[front.first] + column.offset;
+        let at = front.row(row.position, &factor.starts) + row.offset;
+        front.panel.view((at, from), (row.width, column.width))
     }
 }
 

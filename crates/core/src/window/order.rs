@@ -1,5 +1,7 @@
 //! In which order variables are eliminated: next the one that ties the fewest numbers together.
 
+use std::collections::BTreeSet;
+
 /// Sets of nodes, as bits.
 #[derive(Debug, Clone)]
 struct Sets {
@@ -53,19 +55,14 @@ pub(super) fn minimum_degree<'a>(widths: &[usize], cliques: impl Iterator<Item =
     }
     let degree = |ties: &Sets, node: usize| ties.members(node).map(|other| widths[other]).sum::<usize>();
     let mut degrees: Vec<usize> = (0..count).map(|node| degree(&ties, node)).collect();
-    let mut waiting = vec![true; count];
-    last.iter().for_each(|&node| waiting[node] = false);
+    let mut is_last = vec![false; count];
+    last.iter().for_each(|&node| is_last[node] = true);
+    let mut waiting: BTreeSet<(usize, usize)> =
+        (0..count).filter(|&node| !is_last[node]).map(|node| (degrees[node], node)).collect();
+    let mut rest = last.iter().copied();
     let mut nodes = Vec::with_capacity(count);
     let mut tied_nodes = Vec::with_capacity(count);
-    let first = count - last.len();
-    for step in 0..count {
-        let next = if step < first {
-            (0..count).filter(|&node| waiting[node]).min_by_key(|&node| degrees[node])
-        } else {
-            last.get(step - first).copied()
-        };
-        let Some(node) = next else { break };
-        waiting[node] = false;
+    while let Some(node) = waiting.pop_first().map(|(_, node)| node).or_else(|| rest.next()) {
         let around: Vec<usize> = ties.members(node).collect();
         let words = ties.of(node).to_vec();
         for &other in &around {
@@ -73,7 +70,11 @@ pub(super) fn minimum_degree<'a>(widths: &[usize], cliques: impl Iterator<Item =
             ties.bits[start..start + ties.words].iter_mut().zip(&words).for_each(|(mine, new)| *mine |= new);
             ties.remove(other, other);
             ties.remove(other, node);
+            let before = (degrees[other], other);
             degrees[other] = degree(&ties, other);
+            if waiting.remove(&before) {
+                waiting.insert((degrees[other], other));
+            }
         }
         nodes.push(node);
         tied_nodes.push(around);

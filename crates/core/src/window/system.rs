@@ -1,10 +1,11 @@
 //! The normal equations of all factors of a window, and their solution.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DMatrixView};
 
-use super::eliminate::Factor;
+use super::eliminate::{Factor, Span};
 use super::linear::LinearFactor;
 use super::order::minimum_degree;
 use super::variables::Variables;
@@ -15,7 +16,25 @@ use crate::error::{Error, Result, check_finite, check_length};
 pub struct BlockSystem {
     names: Vec<u64>, // ascending
     widths: Vec<usize>,
+    blocks: Blocks,
     terms: Vec<Term>,
+}
+
+/// Variables that are eliminated together: each has a place in one block.
+#[derive(Debug, Clone, Default)]
+struct Blocks {
+    widths: Vec<usize>,
+    of: Vec<u32>,        // by variable
+    offsets: Vec<usize>, // by variable
+}
+
+/// The factor of the normal equations.
+struct Eliminated {
+    factor: Factor,
+    spans: Vec<Span>,   // by variable
+    starts: Vec<usize>, // by variable, among the numbers in the order of their elimination
+    tail: usize,        // the position where the last blocks begin
+    right: Vec<f64>,    // −gradient, in that order
 }
 
 /// ½ xᵀ H x + gᵀ x over some of the variables.
@@ -41,15 +60,33 @@ impl BlockSystem {
     /// # Errors
     /// [`Error`] for a number that is given twice, or lengths that do not fit.
     pub fn new(names: &[u64], widths: &[usize]) -> Result<Self> {
+        Self::in_blocks(names, widths, names)
+    }
+
+    /// The same; variables of the same block are eliminated together, as one dense one.
+    ///
+    /// # Errors
+    /// As of [`BlockSystem::new`].
+    pub fn in_blocks(names: &[u64], widths: &[usize], blocks: &[u64]) -> Result<Self> {
         check_length("widths", widths.len(), names.len())?;
-        let mut pairs: Vec<(u64, usize)> = names.iter().copied().zip(widths.iter().copied()).collect();
-        pairs.sort_unstable();
-        if let Some(pair) = pairs.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        check_length("blocks", blocks.len(), names.len())?;
+        let mut each: Vec<(u64, usize, u64)> =
+            names.iter().zip(widths).zip(blocks).map(|((name, width), block)| (*name, *width, *block)).collect();
+        each.sort_unstable();
+        if let Some(pair) = each.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let found = pair[0].0 as f64;
             return Err(Error::Range { what: "number of a variable", expected: "given once", found });
         }
-        let (names, widths) = pairs.into_iter().unzip();
-        Ok(Self { names, widths, terms: Vec::new() })
+        let mut found = Self::default();
+        let mut numbers: BTreeMap<u64, u32> = BTreeMap::new();
+        for (name, width, block) in each {
+            let next = numbers.len() as u32;
+            let number = *numbers.entry(block).or_insert(next);
+            found.names.push(name);
+            found.widths.push(width);
+            found.blocks.push(number, width);
+        }
+        Ok(found)
     }
 
     /// Add a factor that is linear, at these values.
@@ -96,24 +133,70 @@ impl BlockSystem {
     /// [`Error`] for a variable of `last` that is not there; [`Error::NotPositiveDefinite`] if a variable is free, or its
     /// pivot is lost to rounding.
     pub fn solve(&self, last: &[u64]) -> Result<Solution> {
-        let mut at_end = last.iter().map(|name| self.node(*name)).collect::<Result<Vec<_>>>()?;
+        let Eliminated { factor, spans, starts, tail, mut right } = self.eliminated(last, &[])?;
+        factor.solve(&mut right);
+        let all = |node: usize| starts[node]..starts[node] + self.widths[node];
+        let step: Vec<f64> = (0..self.widths.len()).flat_map(|node| right[all(node)].iter().copied()).collect();
+        check_finite("step", &step)?;
+        let at_end: Vec<usize> = (0..spans.len()).filter(|&node| spans[node].position >= tail).collect();
+        let first = at_end.iter().map(|&node| starts[node]).min().unwrap_or(right.len());
+        let tail_of = |&node: &usize| (self.names[node], starts[node] - first, self.widths[node]);
+        let root = if at_end.is_empty() { DMatrix::zeros(0, 0) } else { factor.tail(tail) };
+        Ok(Solution { step, tail: at_end.iter().map(tail_of).collect(), root })
+    }
+
+    /// Joint covariance of each group of variables, row by row, its blocks in the group's order, by one elimination; those
+    /// of `last` are eliminated last: what many groups share. The cost grows with the number of groups, not its square.
+    ///
+    /// # Errors
+    /// As of [`BlockSystem::solve`].
+    pub fn covariances(&self, groups: &[Vec<u64>], last: &[u64]) -> Result<Vec<Vec<f64>>> {
+        let named = |group: &Vec<u64>| group.iter().map(|name| self.node(*name)).collect::<Result<Vec<_>>>();
+        let groups = groups.iter().map(named).collect::<Result<Vec<_>>>()?;
+        let Eliminated { factor, spans, .. } = self.eliminated(last, &groups)?;
+        let wanted: Vec<usize> = groups.iter().flatten().map(|&node| spans[node].position).collect();
+        let covariances = factor.into_covariances(&wanted);
+        let of = |group: &Vec<usize>| {
+            let chosen: Vec<Span> = group.iter().map(|&node| spans[node]).collect();
+            let found = covariances.of(&chosen);
+            check_finite("covariance", &found).map(|()| found)
+        };
+        groups.iter().map(of).collect()
+    }
+
+    /// Eliminate all variables, those of `last` last, as if each of `groups` had a factor.
+    fn eliminated(&self, last: &[u64], groups: &[Vec<usize>]) -> Result<Eliminated> {
+        let mut at_end =
+            last.iter().map(|name| Ok(self.blocks.of[self.node(*name)?] as usize)).collect::<Result<Vec<_>>>()?;
         at_end.sort_unstable();
         at_end.dedup();
-        let order = minimum_degree(&self.widths, self.terms.iter().map(|term| term.nodes.as_slice()), &at_end);
+        let tied =
+            |nodes: &mut dyn Iterator<Item = usize>| nodes.map(|node| self.blocks.of[node]).collect::<Vec<u32>>();
+        let cliques: Vec<Vec<u32>> = (self.terms.iter().map(|term| tied(&mut term.nodes.iter().map(|&n| n as usize))))
+            .chain(groups.iter().map(|group| tied(&mut group.iter().copied())))
+            .collect();
+        let order = minimum_degree(&self.blocks.widths, cliques.iter().map(Vec::as_slice), &at_end);
         let tail = order.nodes.len() - at_end.len();
-        let mut position = vec![0; self.widths.len()];
-        order.nodes.iter().enumerate().for_each(|(at, &node)| position[node] = at);
-        let mut starts = vec![0; self.widths.len()]; // by node, among the positions' numbers
+        let mut position = vec![0; order.nodes.len()];
+        let mut block_starts = vec![0; order.nodes.len()]; // by block
         let mut total = 0;
-        for &node in &order.nodes {
-            starts[node] = total;
-            total += self.widths[node];
+        for (at, &block) in order.nodes.iter().enumerate() {
+            (position[block], block_starts[block]) = (at, total);
+            total += self.blocks.widths[block];
         }
-        let mut factor = Factor::new(&order, &self.widths, tail);
+        let place = |node: usize| (self.blocks.of[node] as usize, self.blocks.offsets[node]);
+        let span = |node: usize| {
+            let (block, offset) = place(node);
+            Span { position: position[block], offset, width: self.widths[node] }
+        };
+        let spans: Vec<Span> = (0..self.widths.len()).map(span).collect();
+        let starts: Vec<usize> =
+            (0..self.widths.len()).map(place).map(|(block, offset)| block_starts[block] + offset).collect();
+        let mut factor = Factor::new(&order, &self.blocks.widths, tail);
         let mut right = vec![0.0; total];
         for Term { nodes, hessian, gradient } in &self.terms {
-            let positions: Vec<usize> = nodes.iter().map(|&node| position[node as usize]).collect();
-            factor.add(&positions, hessian);
+            let variables: Vec<Span> = nodes.iter().map(|&node| spans[node as usize]).collect();
+            factor.add(&variables, hessian);
             let mut from = 0;
             for &node in nodes {
                 let (start, width) = (starts[node as usize], self.widths[node as usize]);
@@ -122,14 +205,7 @@ impl BlockSystem {
             }
         }
         factor.eliminate()?;
-        factor.solve(&mut right);
-        let span = |node: usize| starts[node]..starts[node] + self.widths[node];
-        let step: Vec<f64> = (0..self.widths.len()).flat_map(|node| right[span(node)].iter().copied()).collect();
-        check_finite("step", &step)?;
-        let first = at_end.first().map_or(total, |&node| starts[node]);
-        let tail_of = |&node: &usize| (self.names[node], starts[node] - first, self.widths[node]);
-        let root = if at_end.is_empty() { DMatrix::zeros(0, 0) } else { factor.tail(tail) };
-        Ok(Solution { step, tail: at_end.iter().map(tail_of).collect(), root })
+        Ok(Eliminated { factor, spans, starts, tail, right })
     }
 
     fn node(&self, name: u64) -> Result<usize> {
@@ -150,6 +226,19 @@ impl BlockSystem {
         }
         self.terms.push(Term { nodes, hessian, gradient });
         Ok(())
+    }
+}
+
+impl Blocks {
+    /// Take in the next variable.
+    fn push(&mut self, block: u32, width: usize) {
+        let at = block as usize;
+        if at == self.widths.len() {
+            self.widths.push(0);
+        }
+        self.of.push(block);
+        self.offsets.push(self.widths[at]);
+        self.widths[at] += width;
     }
 }
 

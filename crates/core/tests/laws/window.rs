@@ -100,6 +100,43 @@ fn the_step_and_the_last_covariance_are_those_of_the_dense_equations() {
 }
 
 #[test]
+fn covariances_of_groups_are_blocks_of_the_inverse_whatever_is_eliminated_together() {
+    let mut random = Random(8);
+    for count in [6, 17, 40] {
+        let (names, widths, factors) = chain(&mut random, count);
+        let all = stacked(&names, &widths, &factors);
+        let jacobian = all.columns(0, all.ncols() - 1);
+        let inverse = (jacobian.transpose() * jacobian).cholesky().unwrap().inverse();
+        let starts: Vec<usize> = (0..=widths.len()).map(|k| widths[..k].iter().sum()).collect();
+        // neighbours, a pair in the other order, and one that no factor ties together
+        let mut groups: Vec<Vec<u64>> = names.windows(2).map(|pair| vec![pair[1], pair[0]]).collect();
+        groups.push(vec![names[0], names[names.len() / 2], names[names.len() - 2]]);
+        for together in [1, 2, 3] {
+            let blocks: Vec<u64> = (0..count).map(|k| k / together).collect();
+            let mut system = BlockSystem::in_blocks(&names, &widths, &blocks).unwrap();
+            factors.iter().for_each(|(of, rows)| system.add_rows(of, &plain(rows)).unwrap());
+            let step = system.solve(&[names[1]]).unwrap().step;
+            let expected = &inverse * jacobian.transpose() * all.column(all.ncols() - 1);
+            assert!(step.iter().zip(expected.iter()).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + expected.amax())));
+            for last in [vec![], vec![names[2]], vec![names[5], names[1]]] {
+                for (group, found) in groups.iter().zip(system.covariances(&groups, &last).unwrap()) {
+                    let wanted: Vec<usize> = group
+                        .iter()
+                        .flat_map(|name| {
+                            let at = names.binary_search(name).unwrap();
+                            starts[at]..starts[at + 1]
+                        })
+                        .collect();
+                    let block = DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| inverse[(wanted[i], wanted[j])]);
+                    let found = DMatrix::from_vec(wanted.len(), wanted.len(), found);
+                    assert!((found - &block).amax() < 1e-9 * (1.0 + block.amax()), "{count} {together} {last:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn rows_and_their_information_are_the_same() {
     let mut random = Random(4);
     let (names, widths, factors) = chain(&mut random, 12);
@@ -133,6 +170,7 @@ fn a_free_variable_is_an_error() {
 fn wrong_inputs_are_errors() {
     assert!(BlockSystem::new(&[1, 1], &[2, 2]).is_err());
     assert!(BlockSystem::new(&[1], &[2, 2]).is_err());
+    assert!(BlockSystem::in_blocks(&[1, 2], &[2, 2], &[1]).is_err());
     let mut system = BlockSystem::new(&[1, 2], &[1, 1]).unwrap();
     assert!(system.add_rows(&[3], &[1.0, 0.0]).is_err());
     assert!(system.add_rows(&[1], &[1.0, 0.0, 1.0]).is_err());
@@ -140,6 +178,8 @@ fn wrong_inputs_are_errors() {
     assert!(system.add_rows(&[1], &[f64::NAN, 0.0]).is_err());
     assert!(system.add_information(&[1], &[1.0, 0.0], &[1.0]).is_err());
     assert!(system.solve(&[3]).is_err());
+    assert!(system.covariances(&[vec![3]], &[]).is_err());
+    assert!(system.covariances(&[vec![1]], &[]).is_err()); // nothing holds it
     let mut empty = BlockSystem::new(&[1, 2], &[0, 1]).unwrap();
     empty.add_rows(&[1, 2], &[2.0, 4.0]).unwrap();
     assert_eq!(empty.solve(&[1]).unwrap().step, vec![2.0]);
