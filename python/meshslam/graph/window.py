@@ -186,7 +186,7 @@ class Window:
         return joint_covariances(self.linearized(), groups, widths, last)
 
     def path_covariances(self, groups: Sequence[Group], last: Sequence[int]) -> list[Floats]:
-        """As `joint_covariances` of many groups at the values, at a small part of the cost, and to seven digits of them.
+        """As `joint_covariances` of many groups at the values, at a small part of the cost, to seven digits.
 
         By Cholesky in the core; by QR where a pivot is lost to rounding.
         """
