@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from meshslam.runs import Outlet
-from meshslam.viewing import RunLog
+from meshslam.viewing import FRAMES_IN_REPORT, RunLog
 
 
 class Bars:
@@ -41,7 +41,8 @@ def progress_bars() -> Iterator[Bars]:
 
 
 @contextmanager
-def run_outlet(log: RunLog | None = None) -> Iterator[Outlet]:
+def run_outlet(log: RunLog | None = None, frames_in_report: int | None = None) -> Iterator[Outlet]:
     """Bars and notes of a run on stderr while the block runs; `log` is where the run is shown or kept."""
+    frames = FRAMES_IN_REPORT if frames_in_report is None else frames_in_report
     with progress_bars() as bars:
-        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr), log)
+        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr), log, frames)

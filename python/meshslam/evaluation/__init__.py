@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from meshslam.evaluation.masks import MaskScores, score_masks
     from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
     from meshslam.evaluation.run import evaluate_run
-    from meshslam.evaluation.trajectories import trajectory_figures
+    from meshslam.evaluation.trajectories import nearest_in_time, trajectory_figures
     from meshslam.evaluation.truth import Truth, read_truth, truth_digest
 else:
     __getattr__ = deferred(
@@ -19,7 +19,7 @@ else:
             "masks": "MaskScores score_masks",
             "objects": "ObjectScore match_objects object_figures score_object",
             "run": "evaluate_run",
-            "trajectories": "trajectory_figures",
+            "trajectories": "nearest_in_time trajectory_figures",
             "truth": "Truth read_truth truth_digest",
         },
     )
@@ -33,6 +33,7 @@ __all__ = [
     "marked_labels",
     "marked_objects",
     "match_objects",
+    "nearest_in_time",
     "object_figures",
     "read_truth",
     "score_marked",

@@ -7,8 +7,8 @@ from meshslam.deferred import deferred
 if TYPE_CHECKING:
     from meshslam.viewing.category_sheet import category_page, category_png
     from meshslam.viewing.charts import Line, line_charts
-    from meshslam.viewing.context import ReportContext
-    from meshslam.viewing.from_above import birds_eye, footprint
+    from meshslam.viewing.context import FRAMES_IN_REPORT, ReportContext, TrueObject
+    from meshslam.viewing.from_above import footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
     from meshslam.viewing.mcap_log import McapLog, can_write_mcap
     from meshslam.viewing.mesh_drawing import mesh_picture
@@ -26,8 +26,8 @@ else:
         {
             "category_sheet": "category_page category_png",
             "charts": "Line line_charts",
-            "context": "ReportContext",
-            "from_above": "birds_eye footprint",
+            "context": "FRAMES_IN_REPORT ReportContext TrueObject",
+            "from_above": "footprint",
             "markup": "jpeg_uri number table text",
             "mcap_log": "McapLog can_write_mcap",
             "mesh_drawing": "mesh_picture",
@@ -43,6 +43,7 @@ else:
     )
 
 __all__ = [
+    "FRAMES_IN_REPORT",
     "Colouring",
     "Line",
     "LogTargets",
@@ -51,7 +52,7 @@ __all__ = [
     "ReportContext",
     "RerunLog",
     "RunLog",
-    "birds_eye",
+    "TrueObject",
     "can_record",
     "can_write_mcap",
     "category_page",
