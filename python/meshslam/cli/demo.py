@@ -71,7 +71,8 @@ def pictures(out: Path, first: Path, second: Path) -> tuple[list[tuple[str, str]
     middle = len(drive) // 2
     seen = read_detections(out / "map" / "detections.json").by_frame().get(drive.frame_ids[middle], ())
     pose = paths["map"].world_from_camera[middle]
-    frame = draw_overlay(drive.read_image(middle), drive.camera, pose, scene, seen)
+    bare = [replace(d, keypoints=None, keypoint_scores=None) for d in seen]
+    frame = draw_overlay(drive.read_image(middle), drive.camera, pose, scene, bare)
     plan = ReportContext(
         title="",
         camera=again.camera,
@@ -83,8 +84,12 @@ def pictures(out: Path, first: Path, second: Path) -> tuple[list[tuple[str, str]
         other_paths={"path of the first drive": paths["map"].world_from_camera},
     )
     alternative = "a street with parked cars, each with its mesh drawn over it in a colour of its own"
+    caption = (
+        "A frame of the first drive: what was detected (boxes, masks with white borders), and the map's meshes with "
+        "their numbers. What is grey was detected and is not in the map, because it moves or was seen too little."
+    )
     return (
-        [("A frame of the first drive with the map's cars.", f'<img alt="{alternative}" src="{jpeg_uri(frame)}">')],
+        [(caption, f'<img alt="{alternative}" src="{jpeg_uri(frame, 88)}">')],
         ("The map from above: the second drive as it was found in it, and the first.", plan),
     )
 

@@ -8,7 +8,7 @@ from meshslam.maps import MapObject
 from meshslam.viewing.from_above import position_covariance
 
 LARGE_SIGMA_M = 0.3  # of the position, along its least certain axis
-LITTLE_SEEN = 0.1  # share of the vertices
+LITTLE_SEEN = 0.05  # share of the vertices
 FEW_VIEWS = 3
 LOW_MASK_IOU = 0.8
 

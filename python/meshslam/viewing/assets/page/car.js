@@ -12,7 +12,7 @@ const makeCarPanel = (run, state, images) => {
       ["position, 1 σ", o.position_sigma === null ? "–" : `${fixed(100 * o.position_sigma, 1)} cm`],
       ["surface seen", o.seen_share === null ? "–" : `${fixed(100 * o.seen_share, 0)}%`],
       ["mask IoU", fixed(o.mask_iou, 3)],
-      ["views", String(o.views)],
+      ["views in the map", String(o.views)],
       ...(o.error ? [["centre to truth", `${fixed(o.error.centre, 2)} m`], ["yaw to truth", `${fixed(o.error.yaw, 1)}°`], ["voxel IoU", fixed(o.error.voxel_iou, 2)]] : []),
     ];
     return element("dl", { class: "facts" }, ...rows.map(([name, value]) => element("div", {}, element("dt", {}, name), element("dd", {}, value))));
@@ -45,7 +45,9 @@ const makeCarPanel = (run, state, images) => {
     chosen.hidden = !o;
     if (!o) {
       title.textContent = "Selected object";
-      body.replaceChildren(element("p", { class: "hint" }, run.objects.length ? "Select an object: in the frame, in 3-D, on the map, in a table or by J and K." : "No object is in the map."));
+      const all = element("div", { class: "chips" }, ...run.objects.map((object) => objectChip(run, state, object.id)));
+      const words = run.objects.length ? "Select an object here, in the frame, in 3-D, on the map, in a table, or by the keys J and K: it is then shown everywhere." : "No object is in the map.";
+      body.replaceChildren(element("p", { class: "hint" }, words), all);
       return;
     }
     title.replaceChildren(swatch("chip-colour", `background:${css(o.colour)}`), `${o.category} ${o.id}`);
@@ -53,7 +55,7 @@ const makeCarPanel = (run, state, images) => {
     const doubt = o.doubts.length ? [element("p", { class: "doubt" }, element("b", {}, "Doubtful: "), o.doubts.join("; "), ".")] : [];
     body.replaceChildren(...doubt, facts(o), ...compared(o), ...views(o));
   };
-  state.on(["object"], show);
+  state.on(["object", "colouring"], show);
   state.on(["frame"], () => all(".views button", body).forEach((b) => b.setAttribute("aria-pressed", String(Number(b.dataset.frame) === state.now.frame))));
   show();
 };

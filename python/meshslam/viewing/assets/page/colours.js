@@ -4,9 +4,15 @@ const SIGMAS_M = [0.02, 0.5], VERTEX_SIGMAS_M = [0.02, 0.2], ERRORS_M = [0.02, 1
 const RAMP = [[26, 143, 133], [245, 204, 97], [184, 51, 107]];
 const RAMP_CSS = `linear-gradient(90deg, ${RAMP.map((c) => `rgb(${c})`).join(", ")})`;
 
+const theme = new Map();  // of the page's colours, as they are now
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+dark.addEventListener("change", () => theme.clear());
 const themed = (name) => {
-  const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  return [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
+  if (!theme.has(name)) {
+    const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    theme.set(name, [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16)));
+  }
+  return theme.get(name);
 };
 const ramp = (value, [low, high]) => {
   const t = 2 * Math.min(1, Math.max(0, Math.log(Math.max(value, 1e-6) / low) / Math.log(high / low)));

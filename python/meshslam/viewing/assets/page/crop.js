@@ -26,7 +26,5 @@ const drawCrop = async (canvas, run, images, { frame, detection }, mesh, colour)
   context.setLineDash([]);
   const shown = mesh && silhouette(mesh, run.camera, frame.pose);
   if (!shown) return;
-  context.lineJoin = "round"; context.lineCap = "round";
-  context.strokeStyle = css(colour); context.lineWidth = 2.2 / scale;
-  context.stroke(shown.contour);
+  strokeContour(context, shown, [{ style: css(colour), width: 2.2 / scale }]);
 };

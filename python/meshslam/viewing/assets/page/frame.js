@@ -1,6 +1,6 @@
 // The current frame: its image or a drawn ground, masks, boxes, key points, and the map's meshes as the camera sees them.
 const makeFrameView = (run, state, images, canvas) => {
-  const { camera } = run, layer = document.createElement("canvas"), meshes = makeMeshes(layer, run);
+  const { camera } = run;
   canvas.style.aspectRatio = `${camera.width} / ${camera.height}`;
   let contours = [];  // the nearest first, of the frame that is shown
 
@@ -36,24 +36,16 @@ const makeFrameView = (run, state, images, canvas) => {
       }
     }
   };
-  const drawMeshes = (context, frame, scale, dense) => {
-    if (meshes) {
-      meshes.clear(canvas.width, canvas.height);
-      const view = cameraMatrix(camera, frame.pose, [0, 0, camera.width, camera.height], NEAREST_M, 500);
-      meshes.draw(view, centreOf(frame.pose), state.now.colouring, (o) => o.doubts.length > 0);
-      context.globalAlpha = run.hasImages && state.now.layers.image ? 0.42 : 0.62;
-      context.drawImage(layer, -0.5, -0.5, camera.width, camera.height);
-      context.globalAlpha = 1;
-    }
+  const drawMeshes = (context, frame, scale) => {
+    const opacity = run.hasImages && state.now.layers.image ? 0.42 : 0.72;
     for (const s of [...contours].reverse()) {  // the farthest first
       const chosen = s.object.id === state.now.object, colour = colourOf(s.object, state.now.colouring);
-      if (!meshes) { context.fillStyle = css(colour, 0.3); context.fill(s.area); }
-      context.lineJoin = context.lineCap = "round";
-      if (chosen) { context.strokeStyle = "#ffffff"; context.lineWidth = 4.5 * scale; context.stroke(s.contour); }
-      context.setLineDash(s.object.doubts.length ? [5 * scale, 4 * scale] : []);
-      context.strokeStyle = css(chosen ? themed("--accent") : colour, 0.95); context.lineWidth = (chosen ? 2.4 : 1.3) * scale;
-      context.stroke(s.contour);
-      context.setLineDash([]);
+      laidOver(context, s, (s.object.doubts.length && !chosen ? 0.45 : 1) * opacity, (pen, zoom) => fillMesh(pen, s.object, s, state.now.colouring, zoom));
+      const dash = s.object.doubts.length ? [5 * scale, 5 * scale] : [];
+      strokeContour(context, s, [
+        ...(chosen ? [{ style: "#ffffff", width: 3.6 * scale }] : []),
+        { style: css(chosen ? themed("--accent") : colour, 0.95), width: (chosen ? 2.2 : 1.3) * scale, dash },
+      ]);
     }
   };
   const drawPoints = (context, frame, scale) => {
@@ -91,7 +83,7 @@ const makeFrameView = (run, state, images, canvas) => {
     else drawGround(context, run, frame.pose);
     contours = run.objects.map((object) => ({ object, ...silhouette(object, camera, frame.pose) })).filter((s) => s.area).sort((a, b) => a.depth - b.depth);
     drawMasks(context, frame, scale, layers);
-    if (layers.meshes) drawMeshes(context, frame, scale, dense);
+    if (layers.meshes) drawMeshes(context, frame, scale);
     if (layers.points) drawPoints(context, frame, scale);
     if (layers.labels) drawLabels(context, frame, scale);
     canvas.setAttribute("aria-label", `frame ${frame.number}: ${frame.detections.length} detections, ${ids(frame).size} of them of objects in the map`);
@@ -120,7 +112,7 @@ const makeFrameView = (run, state, images, canvas) => {
   state.on(["frame", "object", "colouring", "layers"], refresh);
   state.on(["frame", "object", "colouring"], listed);
   new ResizeObserver(refresh).observe(canvas);
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", refresh);
+  dark.addEventListener("change", refresh);
   listed();
   return { draw };
 };

@@ -15,14 +15,6 @@ const startPage = () => {
     box.addEventListener("change", () => state.set({ layers: { ...state.now.layers, [box.value]: box.checked } }));
   });
 
-  // 3-D
-  const viewer = makeViewer(run, state, document.querySelector(".stage"));
-  byName("no-webgl").hidden = viewer !== null;
-  if (viewer) {
-    byName("standpoint").append(...Object.entries(STANDPOINTS).filter(([name]) => run.frames.length || name === "start" || name === "top")
-      .map(([name, words]) => element("button", { type: "button", value: name, "aria-pressed": String(name === "start"), onclick: () => viewer.stand(name) }, words)));
-    viewer.stand("start", true);
-  } else byName("view").hidden = true;
   const sceneLegend = () => byName("scene-legend").replaceChildren(
     ...colouringKeys(state.now.colouring, true), ...run.paths.map((p) => pathKey(p.name)),
     ...(run.truth.length ? [key(swatch("wire", ""), "true mesh")] : []),
@@ -37,11 +29,11 @@ const startPage = () => {
   sceneLegend();
   shownLegend();
 
-  // all the rest
+  const parts = { viewer: null };
   if (run.frames.length) {
     byName("player").hidden = false;
     makeFrameView(run, state, images, byName("frame"));
-    makePlayer(run, state, viewer);
+    makePlayer(run, state, parts);
   } else byName("frames").hidden = true;
   makePlan(run, state, byName("map"));
   byName("map-legend").replaceChildren(...mapLegend(run));
@@ -50,8 +42,22 @@ const startPage = () => {
   listen(run, state);
   const idle = window.requestIdleCallback || ((go) => setTimeout(go, 50));
   idle(() => drawPictures(run, images));
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => drawPictures(run, images));
-  document.documentElement.dataset.ready = "1";
+  dark.addEventListener("change", () => drawPictures(run, images));
+  requestAnimationFrame(() => setTimeout(() => {  // the frame comes first: a browser takes its time to open WebGL
+    parts.viewer = openViewer(run, state);
+    document.documentElement.dataset.ready = "1";
+  }));
+};
+
+const openViewer = (run, state) => {
+  const viewer = makeViewer(run, state, document.querySelector(".stage"));
+  byName("no-webgl").hidden = viewer !== null;
+  byName("view").hidden = viewer === null;
+  if (!viewer) return null;
+  const offered = Object.entries(STANDPOINTS).filter(([name]) => run.frames.length || name === "start" || name === "top");
+  byName("standpoint").append(...offered.map(([name, words]) => element("button", { type: "button", value: name, onclick: () => viewer.stand(name) }, words)));
+  viewer.stand("start", true);
+  return viewer;
 };
 
 // Tables and bars select objects; the row of the selected one is marked. Tracks that are left out lead to their frame.

@@ -17,7 +17,7 @@ const makePlan = (run, state, box) => {
     const low = [0, 1].map((k) => Math.min(...turned.map((p) => p[k]))), high = [0, 1].map((k) => Math.max(...turned.map((p) => p[k])));
     const margin = width > 560 ? 36 : 24, size = [0, 1].map((k) => Math.max(high[k] - low[k], 2));
     const tallest = width > 560 ? 560 : 620, scale = Math.min((width - 2 * margin) / size[0], (tallest - 2 * margin) / size[1], 45);
-    const height = Math.max(180, size[1] * scale + 2 * margin + 34);
+    const height = Math.max(180, size[1] * scale + 2 * margin + 44);
     return { c, s, low, high, scale, height, width };
   };
   const draw = () => {
@@ -25,7 +25,7 @@ const makePlan = (run, state, box) => {
     if (!width) return;
     const f = frameOf(width), scale = f.scale * hand.zoom, middle = [0, 1].map((k) => (f.low[k] + f.high[k]) / 2);
     toPage = ([x, y]) => [
-      width / 2 + hand.x + (f.c * x + f.s * y - middle[0]) * scale, (f.height - 34) / 2 + hand.y - (-f.s * x + f.c * y - middle[1]) * scale,
+      width / 2 + hand.x + (f.c * x + f.s * y - middle[0]) * scale, (f.height - 44) / 2 + hand.y - (-f.s * x + f.c * y - middle[1]) * scale,
     ];
     const joined = (list) => list.map((p) => toPage(p).map((v) => v.toFixed(1)).join(",")).join(" ");
     svg = drawn("svg", { class: "plan", role: "img", "aria-label": "the map from above", viewBox: `0 0 ${width} ${f.height.toFixed(0)}`, width, height: f.height.toFixed(0) });
@@ -71,7 +71,7 @@ const makePlan = (run, state, box) => {
     return drawn("g", { class: "scale" }, drawn("path", { d: `M12,${y - 5}v5h${length * scale}v-5` }), drawn("text", { x: 20 + length * scale, y }, `${+length.toPrecision(2)} m`));
   };
   const axes = (f) => {
-    const x = f.width - 34, y = f.height - 26, group = drawn("g", { class: "axes" });
+    const x = f.width - 40, y = f.height - 34, group = drawn("g", { class: "axes" });
     for (const [name, [a, b]] of [["x", [f.c, -f.s]], ["y", [f.s, f.c]]])
       group.append(drawn("path", { d: `M${x},${y}l${18 * a},${-18 * b}` }), drawn("text", { x: x + 26 * a, y: y - 26 * b + 4 }, name));
     return group;
@@ -89,7 +89,7 @@ const makePlan = (run, state, box) => {
 
   // hands: zoom with the wheel once the map has the focus, pinch, drag
   const zoomAt = (factor, x, y) => {
-    const before = hand.zoom, width = box.clientWidth, tall = svg ? svg.clientHeight - 34 : 0;
+    const before = hand.zoom, width = box.clientWidth, tall = svg ? svg.clientHeight - 44 : 0;
     hand.zoom = Math.min(60, Math.max(1, before * factor));
     const k = hand.zoom / before;
     hand.x = hand.zoom === 1 ? 0 : x - width / 2 - k * (x - width / 2 - hand.x);
@@ -114,7 +114,7 @@ const makePlan = (run, state, box) => {
   state.on(["frame"], here);
   state.on(["object", "colouring"], refresh);
   new ResizeObserver(refresh).observe(box);
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", refresh);
+  dark.addEventListener("change", refresh);
   draw();
 };
 

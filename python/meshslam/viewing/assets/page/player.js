@@ -1,5 +1,5 @@
 // The slider, playback by the run's own clock, and the keys.
-const makePlayer = (run, state, viewer) => {
+const makePlayer = (run, state, parts) => {
   const slider = byName("slider"), now = byName("now"), play = byName("play"), last = run.frames.length - 1;
   const timeAt = (at) => run.series.times[run.frames[at].index];
   const show = (frame) => state.set({ frame: Math.min(last, Math.max(0, frame)) });
@@ -35,7 +35,7 @@ const makePlayer = (run, state, viewer) => {
     slider.value = at;
     const words = `frame ${frame.number}, ${fixed(timeAt(at), 2)} s`;
     slider.setAttribute("aria-valuetext", words);
-    now.replaceChildren(element("b", {}, `frame ${frame.number}`), ` ${at + 1} of ${last + 1} · ${fixed(timeAt(at), 2)} s`);
+    now.replaceChildren(element("b", {}, `frame ${frame.number}`), element("span", {}, ` ${at + 1} of ${last + 1}`), ` · ${fixed(timeAt(at), 2)} s`);
   };
   state.on(["frame"], told);
   told();
@@ -66,14 +66,14 @@ const makePlayer = (run, state, viewer) => {
     ArrowLeft: () => { state.set({ playing: false }); show(state.now.frame - 1); },
     Home: () => show(0), End: () => show(last), " ": toggle,
     j: () => other(1), k: () => other(-1), Escape: () => state.set({ object: null }), c: () => next("#colouring"), v: () => next("#standpoint"),
-    "+": () => viewer && viewer.zoom(0.85), "-": () => viewer && viewer.zoom(1.18),
+    "+": () => parts.viewer && parts.viewer.zoom(0.85), "-": () => parts.viewer && parts.viewer.zoom(1.18),
   };
   const turns = { ArrowLeft: [-25, 0], ArrowRight: [25, 0], ArrowUp: [0, 25], ArrowDown: [0, -25] };
   document.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey || event.target.matches("select, input[type=text]")) return;
     if (event.target === slider && /^Arrow|^Home|^End/.test(event.key) && !event.shiftKey) return;  // the slider does it itself
     if (event.key === " " && event.target.matches("button, input[type=checkbox]")) return;
-    const act = event.shiftKey && turns[event.key] ? viewer && (() => viewer.turn(...turns[event.key])) : keys[event.key] || keys[event.key.toLowerCase()];
+    const act = event.shiftKey && turns[event.key] ? parts.viewer && (() => parts.viewer.turn(...turns[event.key])) : keys[event.key] || keys[event.key.toLowerCase()];
     if (!act) return;
     event.preventDefault();
     act();

@@ -108,7 +108,7 @@ const makePrograms = (gl) => {
 
 // Draws the map's meshes into a canvas for any standpoint; null without WebGL 2.
 const makeMeshes = (canvas, run) => {
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true });
   if (!gl) return null;
   const programs = makePrograms(gl), buffers = new Map(run.objects.map((o) => [o.id, programs.mesh(o)]));
   const rgb = (place, colour) => gl.uniform3f(place, colour[0] / 255, colour[1] / 255, colour[2] / 255);

@@ -81,9 +81,10 @@ const readRun = (data) => {
   };
 };
 
-// The view that shows a track largest, those that the image's border cuts only if there is no other.
+// The view that shows a track largest; those that the image's border cuts, or that fill it, only if there is no other.
 const bestView = (run, id) => {
-  const inside = ({ detection: { box: [x, y, w, h] } }) => Math.min(x, y, run.camera.width - x - w, run.camera.height - y - h) >= 2;
-  const size = (view) => view.detection.box[2] * view.detection.box[3] + (inside(view) ? 1e9 : 0);
+  const { width, height } = run.camera;
+  const whole = ({ detection: { box: [x, y, w, h] } }) => Math.min(x, y, width - x - w, height - y - h) >= 6 && Math.max(w / 1.5, h) < 0.69 * height;
+  const size = (view) => view.detection.box[2] * view.detection.box[3] + (whole(view) ? 1e9 : 0);
   return (run.views.get(id) || []).reduce((best, view) => (!best || size(view) > size(best) ? view : best), null);
 };

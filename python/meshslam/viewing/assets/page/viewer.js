@@ -1,7 +1,10 @@
 // The map in 3-D: z up. Turned, moved, zoomed by hand; it goes with the camera, and flies to the selected object.
-const FOV = 0.7, STANDPOINTS = { start: "overview", top: "from above", follow: "behind the camera", camera: "through it" };
+const FOV = 0.7, STANDPOINTS = { start: "overview", top: "above", follow: "follow", camera: "camera" };
 const makeViewer = (run, state, stage) => {
-  const canvas = stage.querySelector("canvas"), meshes = makeMeshes(canvas, run);
+  const canvas = stage.querySelector("canvas"), resolution = () => Math.min(2, window.devicePixelRatio || 1);
+  canvas.width = Math.round(canvas.clientWidth * resolution());
+  canvas.height = Math.round(canvas.clientHeight * resolution());
+  const meshes = makeMeshes(canvas, run);
   if (!meshes) return null;
   const { gl, programs } = meshes, { lines, segments } = programs;
   const extent = extentOf(run), grid = gridOf(extent, run.ground), gridLine = segments(grid.ends);
@@ -58,7 +61,7 @@ const makeViewer = (run, state, stage) => {
     gl.bindVertexArray(what.array);
     gl.uniformMatrix4fv(at("view"), false, view);
     gl.uniform2f(at("size"), canvas.width, canvas.height);
-    gl.uniform1f(at("width"), width * (window.devicePixelRatio || 1));
+    gl.uniform1f(at("width"), width * resolution());
     gl.uniform4f(at("colour"), ...colour.map((v) => v / 255), opacity);
     gl.uniform3f(at("middle"), ...middle);
     gl.uniform1f(at("reach"), reach);
@@ -71,7 +74,7 @@ const makeViewer = (run, state, stage) => {
     return [(camera.width - scale * width) / 2, (camera.height - scale * height) / 2, scale * width, scale * height];
   };
   const draw = () => {
-    const dense = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    const dense = resolution(), width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width || !height) return;
     meshes.clear(Math.round(width * dense), Math.round(height * dense));
     const frame = run.frames[state.now.frame], through = seen.stand === "camera" && frame;
@@ -223,7 +226,7 @@ const makeViewer = (run, state, stage) => {
     flyTo({ target: [...found.centre], yaw: seen.yaw, pitch: Math.min(Math.max(seen.pitch, 0.3), 0.7), distance: 2.1 * Math.max(4, found.dimensions[0]) });
   });
   new ResizeObserver(() => { if (seen.stand === "start" || seen.stand === "top") stand(seen.stand, true); refresh(); }).observe(canvas);
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", refresh);
+  dark.addEventListener("change", refresh);
   paintTags();
   return { stand, turn: (dx, dy) => { turn(dx, dy); refresh(); }, zoom: (factor) => { zoom(factor); refresh(); }, seen };
 };
