@@ -155,7 +155,9 @@ def test_playing_moves_on_and_ends(page):
     page.locator("#play").click()
     page.wait_for_selector("#frame[data-frame='10']", timeout=8000)
     page.wait_for_selector("#play[aria-label=play]")
-    page.keyboard.press("Space")  # on the button: again, from the first
+    page.locator("#speed").select_option("0.5")
+    page.locator("#play").focus()
+    page.keyboard.press("Space")  # again, from the first
     page.wait_for_selector("#play[aria-label=pause]")
     page.keyboard.press("Space")
     page.wait_for_selector("#play[aria-label=play]")

@@ -5,12 +5,14 @@ const ticksOf = (low, high, count) => {
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high * (1 + 1e-9); k++) found.push(k * step);
   return found;
 };
+// What drifts away, such as the IMU alone, leaves the chart: the first line and the band decide its height.
+const MOST_HIGHER = 3;
 // `lines`: name, values (null where unknown), style of paths. `band`: values below which it is filled.
 const makeChart = (box, { title, unit, x, xLabel, band, bandName, lines, at, onPick }) => {
   const body = element("div", { class: "chart" }), legend = element("div", { class: "legend" });
   box.append(element("figure", {}, element("figcaption", {}, element("b", {}, title), `, ${unit}`), body, legend));
-  const known = [...lines.flatMap((l) => l.values), ...(band || [])].filter((v) => v !== null && Number.isFinite(v));
-  const top = 1.08 * Math.max(1e-6, ...known), last = x.length ? x[x.length - 1] : 1, first = x.length ? x[0] : 0;
+  const highest = (values) => values.reduce((high, v) => (v > high ? v : high), 1e-6), own = highest([...lines[0].values, ...(band || [])]);
+  const top = 1.08 * Math.min(highest(lines.flatMap((l) => l.values).concat(own)), MOST_HIGHER * own), last = x.length ? x[x.length - 1] : 1, first = x.length ? x[0] : 0;
   legend.append(...lines.map((l) => pathKey(l.name)), ...(band ? [key(swatch("box", "background:var(--band)"), bandName)] : []));
   let cursor = null, scaled = null;
   const draw = () => {
@@ -52,13 +54,17 @@ const makeChart = (box, { title, unit, x, xLabel, band, bandName, lines, at, onP
     cursor.toggleAttribute("hidden", v === null);
     if (v !== null) { cursor.setAttribute("x1", scaled(v)); cursor.setAttribute("x2", scaled(v)); }
   };
-  new ResizeObserver(soon(draw)).observe(body);
+  let drawnAt = 0;
+  const refresh = soon(draw);
+  new ResizeObserver(() => { if (body.clientWidth !== drawnAt) refresh(); drawnAt = body.clientWidth; }).observe(body);
   draw();
+  drawnAt = body.clientWidth;
   return move;
 };
 
 const drawCharts = (run, state, section) => {
   const box = section.querySelector(".charts"), { series } = run, moves = [];
+  section.hidden = !series.errors.length && !series.position_sigma && !run.iterations.length;  // what is hidden has no width
   const pick = (time) => {
     const nearest = run.frames.reduce((best, f) => (Math.abs(series.times[f.index] - time) < Math.abs(series.times[best.index] - time) ? f : best), run.frames[0]);
     if (nearest) state.set({ playing: false, frame: nearest.at });
@@ -72,5 +78,4 @@ const drawCharts = (run, state, section) => {
   }
   if (run.iterations.length) makeChart(box, { title: "Error of the path after each iteration", unit: "m", x: run.iterations.map((_, i) => i), xLabel: "iteration", lines: [{ name: "estimate", values: run.iterations }] });
   state.on(["frame"], () => moves.forEach((move) => move()));
-  section.hidden = !box.children.length;
 };

@@ -8,7 +8,7 @@ const cropWindow = (camera, [x, y, w, h], proportion) => {
 
 // `mesh` null: the mask alone. The canvas has its size already.
 const drawCrop = async (canvas, run, images, { frame, detection }, mesh, colour) => {
-  const image = await images.get(frame.at), context = canvas.getContext("2d");
+  const image = await images.get(frame.at), context = canvas.getContext("2d", BY_CPU);
   const [left, top, wide] = cropWindow(run.camera, detection.box, canvas.width / canvas.height), scale = canvas.width / wide;
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.fillStyle = css(themed("--field"));

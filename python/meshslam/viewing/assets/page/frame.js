@@ -36,10 +36,18 @@ const makeFrameView = (run, state, images, canvas) => {
       }
     }
   };
+  const drawTiny = (context, s, colour, opacity, scale) => {
+    context.fillStyle = css(colour, opacity * (s.object.doubts.length ? 0.45 : 1));
+    context.fill(s.area);
+    context.strokeStyle = css(colour); context.lineWidth = scale;
+    context.stroke(s.contour);
+  };
   const drawMeshes = (context, frame, scale) => {
     const opacity = run.hasImages && state.now.layers.image ? 0.42 : 0.72;
     for (const s of [...contours].reverse()) {  // the farthest first
       const chosen = s.object.id === state.now.object, colour = colourOf(s.object, state.now.colouring);
+      const tiny = Math.max(s.box[2] - s.box[0], s.box[3] - s.box[1]) < SMALL_PX * scale;
+      if (tiny && !chosen) { drawTiny(context, s, colour, opacity, scale); continue; }
       laidOver(context, s, (s.object.doubts.length && !chosen ? 0.45 : 1) * opacity, (pen, zoom) => fillMesh(pen, s.object, s, state.now.colouring, zoom));
       const dash = s.object.doubts.length ? [5 * scale, 5 * scale] : [];
       strokeContour(context, s, [
@@ -77,17 +85,19 @@ const makeFrameView = (run, state, images, canvas) => {
     if (mine !== asked) return;  // another frame is wanted by now
     const dense = Math.min(2, Math.max(1, window.devicePixelRatio || 1)), pixels = Math.round(width * dense), rows = Math.round(pixels * camera.height / camera.width);
     if (canvas.width !== pixels || canvas.height !== rows) { canvas.width = pixels; canvas.height = rows; }
-    const context = canvas.getContext("2d"), zoom = pixels / camera.width, scale = dense / zoom;  // a pixel of the page, in the image's
+    const context = canvas.getContext("2d", BY_CPU), zoom = pixels / camera.width, scale = dense / zoom;  // a pixel of the page, in the image's
     context.setTransform(zoom, 0, 0, zoom, 0.5 * zoom, 0.5 * zoom);
     if (image) context.drawImage(image, -0.5, -0.5, camera.width, camera.height);
     else drawGround(context, run, frame.pose);
-    contours = run.objects.map((object) => ({ object, ...silhouette(object, camera, frame.pose) })).filter((s) => s.area).sort((a, b) => a.depth - b.depth);
+    const near = run.objects.filter((object) => inSight(object, camera, frame.pose));
+    contours = near.map((object) => ({ object, ...silhouette(object, camera, frame.pose) })).filter((s) => s.area).sort((a, b) => a.depth - b.depth);
     drawMasks(context, frame, scale, layers);
     if (layers.meshes) drawMeshes(context, frame, scale);
     if (layers.points) drawPoints(context, frame, scale);
     if (layers.labels) drawLabels(context, frame, scale);
     canvas.setAttribute("aria-label", `frame ${frame.number}: ${frame.detections.length} detections, ${ids(frame).size} of them of objects in the map`);
     canvas.dataset.frame = frame.number;
+    performance.mark("frame");
   };
   const listed = () => {
     const frame = run.frames[state.now.frame], found = frame ? [...ids(frame)].sort((a, b) => a - b) : [];
@@ -96,7 +106,7 @@ const makeFrameView = (run, state, images, canvas) => {
       : [element("span", { class: "hint" }, "no object of the map is detected in this frame")]));
   };
   canvas.addEventListener("click", (event) => {
-    const rect = canvas.getBoundingClientRect(), context = canvas.getContext("2d"), frame = run.frames[state.now.frame];
+    const rect = canvas.getBoundingClientRect(), context = canvas.getContext("2d", BY_CPU), frame = run.frames[state.now.frame];
     const x = (event.clientX - rect.left) * canvas.width / rect.width, y = (event.clientY - rect.top) * canvas.height / rect.height;
     const zoom = canvas.width / camera.width, inside = (path, rule) => {
       context.save(); context.setTransform(1, 0, 0, 1, 0, 0);
@@ -111,7 +121,8 @@ const makeFrameView = (run, state, images, canvas) => {
   const refresh = soon(draw);
   state.on(["frame", "object", "colouring", "layers"], refresh);
   state.on(["frame", "object", "colouring"], listed);
-  new ResizeObserver(refresh).observe(canvas);
+  let drawnAt = canvas.clientWidth;
+  new ResizeObserver(() => { if (canvas.clientWidth !== drawnAt) refresh(); drawnAt = canvas.clientWidth; }).observe(canvas);
   dark.addEventListener("change", refresh);
   listed();
   return { draw };

@@ -1,5 +1,5 @@
 // Puts the page together.
-const startPage = () => {
+const startPage = async () => {
   const run = readRun(JSON.parse(byName("run").textContent));
   const layers = { image: true, meshes: true, masks: true, boxes: false, points: false, labels: true };
   const state = makeState({ frame: 0, object: null, colouring: "id", truth: run.truth.length > 0, layers, playing: false });
@@ -32,7 +32,7 @@ const startPage = () => {
   const parts = { viewer: null };
   if (run.frames.length) {
     byName("player").hidden = false;
-    makeFrameView(run, state, images, byName("frame"));
+    await makeFrameView(run, state, images, byName("frame")).draw();  // first, since a browser takes its time to open WebGL
     makePlayer(run, state, parts);
   } else byName("frames").hidden = true;
   makePlan(run, state, byName("map"));
@@ -40,13 +40,12 @@ const startPage = () => {
   makeCarPanel(run, state, images);
   drawCharts(run, state, byName("charts"));
   listen(run, state);
-  const idle = window.requestIdleCallback || ((go) => setTimeout(go, 50));
-  idle(() => drawPictures(run, images));
   dark.addEventListener("change", () => drawPictures(run, images));
-  requestAnimationFrame(() => setTimeout(() => {  // the frame comes first: a browser takes its time to open WebGL
-    parts.viewer = openViewer(run, state);
-    document.documentElement.dataset.ready = "1";
-  }));
+  await new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)));
+  parts.viewer = openViewer(run, state);
+  document.documentElement.dataset.ready = "1";
+  performance.mark("ready");
+  (window.requestIdleCallback || setTimeout)(() => drawPictures(run, images));
 };
 
 const openViewer = (run, state) => {

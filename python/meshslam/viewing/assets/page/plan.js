@@ -1,15 +1,19 @@
 // The map from above: footprints, one-sigma ellipses, paths; turned so that the path runs along the longer side.
 const makePlan = (run, state, box) => {
   const path = run.paths[0].points, hulls = run.objects.map((o) => o.footprint);
-  const truthHulls = run.truth.map((t) => hullOf(t.ends));
-  const points = [...hulls.flat(), ...truthHulls.flat()];
-  for (const { points: p } of run.paths) for (let i = 0; i < p.length; i += 3) points.push([p[i], p[i + 1]]);
+  const truthHulls = run.truth.map((t) => hullOf(t.place)), points = [...hulls.flat(), ...truthHulls.flat()];
+  for (let i = 0; i < path.length; i += 3) points.push([path[i], path[i + 1]]);
+  for (const { points: p } of run.paths.slice(1)) {
+    const flat = [];
+    for (let i = 0; i < p.length; i += 3) flat.push([p[i], p[i + 1]]);
+    if (points.length && spanOf([...points, ...flat]) < MOST_WIDER * spanOf(points)) points.push(...flat);  // what drifts away leaves the map
+  }
   if (!points.length) points.push([0, 0]);
   const ends = path.length > 3 ? [path[path.length - 3] - path[0], path[path.length - 2] - path[1]] : [1, 0];
   let heading = mainDirection(points);
   if (Math.cos(heading) * ends[0] + Math.sin(heading) * ends[1] < 0) heading += Math.PI;
   const hand = { zoom: 1, x: 0, y: 0 };
-  let svg = null, toPage = null;
+  let svg = null, toPage = null, words = [];  // places of numbers: those beside others are left out
 
   const frameOf = (width) => {
     const across = width > 560 ? heading : heading - Math.PI / 2, c = Math.cos(across), s = Math.sin(across);
@@ -31,6 +35,7 @@ const makePlan = (run, state, box) => {
     svg = drawn("svg", { class: "plan", role: "img", "aria-label": "the map from above", viewBox: `0 0 ${width} ${f.height.toFixed(0)}`, width, height: f.height.toFixed(0) });
     const styled = run.paths.map((p) => ({ ...p, ...pathStyle(p.name) })).sort((a, b) => a.order - b.order);
     truthHulls.forEach((hull, i) => svg.append(drawn("polygon", { class: `true${run.truth[i].estimate === null ? " missed" : ""}`, points: joined(hull) })));
+    words = [];
     const cars = run.objects.map((o, i) => footprintOf(o, hulls[i], joined, scale, f));
     svg.append(...styled.map((p) => pathOf(p, joined)));
     svg.append(...cars, ...endsOf(), scaleBar(f, scale), axes(f), drawn("g", { class: "here" }));
@@ -51,7 +56,11 @@ const makePlan = (run, state, box) => {
       const [long, short, angle] = o.ellipse, turn = -(angle - Math.atan2(f.s, f.c)) * 180 / Math.PI;
       group.append(drawn("ellipse", { rx: (long * scale).toFixed(2), ry: (short * scale).toFixed(2), transform: `translate(${x.toFixed(1)} ${y.toFixed(1)}) rotate(${turn.toFixed(1)})` }));
     }
-    if (inside || wide > 5 || chosen) group.append(drawn("text", { x: x.toFixed(1), y: (y + 4 - (inside ? 0 : tall / 2 + 8)).toFixed(1) }, String(o.id)));
+    const at = [x, y + 4 - (inside ? 0 : tall / 2 + 8)];
+    if (inside || chosen || !words.some(([u, v]) => Math.abs(u - at[0]) < 24 && Math.abs(v - at[1]) < 15)) {
+      words.push(at);
+      group.append(drawn("text", { x: at[0].toFixed(1), y: at[1].toFixed(1) }, String(o.id)));
+    }
     return group;
   };
   const pathOf = (p, joined) => {
@@ -113,11 +122,18 @@ const makePlan = (run, state, box) => {
   });
   state.on(["frame"], here);
   state.on(["object", "colouring"], refresh);
-  new ResizeObserver(refresh).observe(box);
+  let drawnAt = 0;
+  new ResizeObserver(() => { if (box.clientWidth !== drawnAt) refresh(); drawnAt = box.clientWidth; }).observe(box);
   dark.addEventListener("change", refresh);
   draw();
+  drawnAt = box.clientWidth;
 };
 
+const MOST_WIDER = 1.3;
+const spanOf = (points) => {
+  const side = (k) => points.reduce((high, p) => Math.max(high, p[k]), -Infinity) - points.reduce((low, p) => Math.min(low, p[k]), Infinity);
+  return Math.hypot(side(0), side(1));
+};
 const mainDirection = (points) => {
   const n = points.length, mean = [0, 1].map((k) => points.reduce((sum, p) => sum + p[k], 0) / n);
   let xx = 0, xy = 0, yy = 0;

@@ -43,7 +43,7 @@ const makePlayer = (run, state, parts) => {
   // where the selected object is seen, above the slider
   const strip = byName("seen-in");
   const mark = () => {
-    const width = strip.width = Math.max(1, Math.round(strip.clientWidth * (window.devicePixelRatio || 1))), context = strip.getContext("2d");
+    const width = strip.width = Math.max(1, Math.round(strip.clientWidth * (window.devicePixelRatio || 1))), context = strip.getContext("2d", BY_CPU);
     const views = run.views.get(state.now.object) || [], wide = Math.max(2, width / (last + 1));
     context.fillStyle = css(themed("--accent"));
     for (const { frame } of views) context.fillRect((frame.at / Math.max(1, last)) * (width - wide), 0, wide, strip.height);

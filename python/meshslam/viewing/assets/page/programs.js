@@ -56,36 +56,48 @@ const makePrograms = (gl) => {
       pixel = vec4(colour.rgb * o, o);
     }`);
 
+  const thin = program(`
+    layout(location = 0) in vec3 place; uniform mat4 view;
+    void main() { gl_Position = view * vec4(place, 1.0); }`, `
+    uniform vec4 colour; out vec4 pixel;
+    void main() { pixel = vec4(colour.rgb * colour.a, colour.a); }`);
+
   const buffer = (data) => {
     const made = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, made);
     gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
     return made;
   };
-  const attribute = (location, data, size, divisor = 0, stride = 0, offset = 0) => {
+  const attribute = (location, data, size, stride = 0, offset = 0) => {
     gl.bindBuffer(gl.ARRAY_BUFFER, data);
     gl.enableVertexAttribArray(location);
     gl.vertexAttribPointer(location, size, gl.FLOAT, false, stride, offset);
-    gl.vertexAttribDivisor(location, divisor);
   };
-  const corners = buffer(new Float32Array([0, -1, 0, 1, 1, -1, 1, 1]));
-  // Segments: two ends of three numbers each; for dashes the length of the way to each end.
+  // Segments: two ends of three numbers each; for dashes the length of the way to each end. Four corners a segment, not
+  // instances, which a browser without a GPU draws one by one.
   const segments = (ends) => {
-    const count = ends.length / 6, rows = new Float32Array(8 * count), array = gl.createVertexArray();
+    const count = ends.length / 6, rows = new Float32Array(40 * count), index = new Uint32Array(6 * count), array = gl.createVertexArray();
     let way = 0;
     for (let i = 0; i < count; i++) {
-      rows.set(ends.slice(6 * i, 6 * i + 6), 8 * i);
-      rows[8 * i + 6] = way;
-      way += Math.hypot(ends[6 * i + 3] - ends[6 * i], ends[6 * i + 4] - ends[6 * i + 1], ends[6 * i + 5] - ends[6 * i + 2]);
-      rows[8 * i + 7] = way;
+      const two = ends.slice(6 * i, 6 * i + 6), before = way;
+      way += Math.hypot(two[3] - two[0], two[4] - two[1], two[5] - two[2]);
+      [[0, -1], [0, 1], [1, -1], [1, 1]].forEach((corner, k) => rows.set([...corner, ...two, before, way], 40 * i + 10 * k));
+      index.set([0, 1, 2, 2, 1, 3].map((k) => 4 * i + k), 6 * i);
     }
     gl.bindVertexArray(array);
-    const data = buffer(rows);
-    attribute(0, corners, 2);
-    attribute(1, data, 3, 1, 32, 0);
-    attribute(2, data, 3, 1, 32, 12);
-    attribute(3, data, 2, 1, 32, 24);
-    return { array, data, count };
+    const data = buffer(rows), order = gl.createBuffer();
+    [[0, 2, 0], [1, 3, 8], [2, 3, 20], [3, 2, 32]].forEach(([location, size, offset]) => attribute(location, data, size, 40, offset));
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, order);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
+    const free = () => { gl.deleteBuffer(data); gl.deleteBuffer(order); gl.deleteVertexArray(array); };
+    return { array, count: 6 * count, free };
+  };
+  // Lines as thin as a pixel, all in one: a true mesh has a thousand of them.
+  const wires = (ends) => {
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    attribute(0, buffer(ends), 3);
+    return { array, count: ends.length / 3 };
   };
   const mesh = (object) => {
     const { place: p, topology: { faces }, known } = object, normal = new Float32Array(p.length), array = gl.createVertexArray();
@@ -103,7 +115,7 @@ const makePrograms = (gl) => {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
     return { array, count: faces.length };
   };
-  return { meshes, lines, segments, mesh };
+  return { meshes, lines, thin, segments, wires, mesh };
 };
 
 // Draws the map's meshes into a canvas for any standpoint; null without WebGL 2.

@@ -40,7 +40,8 @@ const readObjects = (scene) => {
     const low = [Infinity, Infinity, Infinity], high = low.map((v) => -v);
     mesh.place.forEach((v, i) => { low[i % 3] = Math.min(low[i % 3], v); high[i % 3] = Math.max(high[i % 3], v); });
     const first = o.first && placedMesh(o.first.matrix, means[o.first.mean], topology);
-    return { ...o, ...mesh, known, low, high, first, centre: [o.matrix[3], o.matrix[7], o.matrix[11]] };
+    const radius = Math.hypot(...o.dimensions) / 2;
+    return { ...o, ...mesh, known, low, high, radius, first, centre: [o.matrix[3], o.matrix[7], o.matrix[11]] };
   });
 };
 
@@ -48,7 +49,7 @@ const readTruth = (scene) => scene.truth.map((t) => {
   const { place } = placedMesh(t.matrix, unpack(t.vertices, Int16Array), null), edges = unpack(t.edges, Uint16Array);
   const ends = new Float32Array(3 * edges.length);
   edges.forEach((corner, i) => ends.set(place.subarray(3 * corner, 3 * corner + 3), 3 * i));
-  return { ...t, ends, centre: [t.matrix[3], t.matrix[7], t.matrix[11]] };
+  return { ...t, place, ends, centre: [t.matrix[3], t.matrix[7], t.matrix[11]] };
 });
 
 const readFrames = (frames) => {

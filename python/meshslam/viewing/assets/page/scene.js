@@ -13,6 +13,11 @@ const boxEnds = (object, margin = 0.08) => {
   const pairs = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
   return pairs.flatMap(([a, b]) => [...corner(a), ...corner(b)]);
 };
+const joinedEnds = (parts) => {
+  const all = new Float32Array(parts.reduce((sum, { ends }) => sum + ends.length, 0));
+  parts.reduce((start, { ends }) => { all.set(ends, start); return start + ends.length; }, 0);
+  return all;
+};
 const pathEnds = (points) => {
   const ends = [];
   for (let i = 0; i + 3 < points.length; i += 3) ends.push(...points.subarray(i, i + 6));

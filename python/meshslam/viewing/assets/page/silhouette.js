@@ -1,5 +1,17 @@
 // A mesh as the run's camera sees it: the area that it covers and its contour, as paths in pixels of the image.
 const NEAREST_M = 0.1;
+// Whether an object's surrounding sphere can be in the image at all, and is not too small to be seen.
+const LEAST_PX = 8;
+const inSight = ({ centre, radius }, camera, pose) => {
+  const d = sub(centre, centreOf(pose)), [x, y, z] = [0, 1, 2].map((k) => dot(column(pose, k), d));
+  if (z + radius < NEAREST_M || 2 * radius * camera.fx < LEAST_PX * z) return false;
+  const beside = (way, focal, middle, size) => {  // the planes through the camera and the image's sides
+    const low = (middle + 0.5) / focal, high = (size - 0.5 - middle) / focal;
+    return way < -low * z - radius * Math.hypot(1, low) || way > high * z + radius * Math.hypot(1, high);
+  };
+  const skewed = x + camera.skew * y / camera.fx;
+  return !beside(skewed, camera.fx, camera.cx, camera.width) && !beside(y, camera.fy, camera.cy, camera.height);
+};
 const silhouette = (mesh, camera, pose) => {
   const { place: p, topology: { faces, edges } } = mesh, count = p.length / 3;
   const u = new Float32Array(count), v = new Float32Array(count), z = new Float32Array(count);
@@ -92,7 +104,7 @@ const laidOver = (context, shown, opacity, paint) => {
   const left = Math.max(0, Math.floor(move.a * x0 + move.e) - margin), top = Math.max(0, Math.floor(move.d * y0 + move.f) - margin);
   const width = Math.min(canvas.width, Math.ceil(move.a * x1 + move.e) + margin) - left, height = Math.min(canvas.height, Math.ceil(move.d * y1 + move.f) + margin) - top;
   if (width <= 0 || height <= 0) return;
-  const pen = scratch.getContext("2d");
+  const pen = scratch.getContext("2d", BY_CPU);
   if (scratch.width < width || scratch.height < height) { scratch.width = Math.max(width, scratch.width); scratch.height = Math.max(height, scratch.height); }
   pen.setTransform(1, 0, 0, 1, 0, 0);
   pen.globalCompositeOperation = "source-over";

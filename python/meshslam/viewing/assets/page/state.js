@@ -36,3 +36,5 @@ const soon = (draw) => {
   let waiting = false;
   return () => { if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; draw(); }); } };
 };
+// Of 2-D pictures: without a GPU a browser would draw them by a software one, in another process, and wait for it.
+const BY_CPU = { willReadFrequently: true };

@@ -6,10 +6,10 @@ const makeViewer = (run, state, stage) => {
   canvas.height = Math.round(canvas.clientHeight * resolution());
   const meshes = makeMeshes(canvas, run);
   if (!meshes) return null;
-  const { gl, programs } = meshes, { lines, segments } = programs;
+  const { gl, programs } = meshes, { lines, thin, segments } = programs;
   const extent = extentOf(run), grid = gridOf(extent, run.ground), gridLine = segments(grid.ends);
   const paths = run.paths.map((p) => ({ ...pathStyle(p.name), line: segments(pathEnds(p.points)) })).sort((a, b) => a.order - b.order);
-  const wires = run.truth.map((t) => ({ ...t, line: segments(t.ends) }));
+  const wires = programs.wires(joinedEnds(run.truth));
   const spread = Math.ceil(run.frames.length / TRAIL) || 1;
   const trail = segments(run.frames.filter((_, i) => i % spread === 0).flatMap((f) => frustumEnds(run.camera, f.pose, 0.7)));
   const path = run.paths[0].points, reduced = window.matchMedia("(prefers-reduced-motion: reduce)");
@@ -66,9 +66,16 @@ const makeViewer = (run, state, stage) => {
     gl.uniform3f(at("middle"), ...middle);
     gl.uniform1f(at("reach"), reach);
     gl.uniform1f(at("dash"), dash);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, what.count);
+    gl.drawElements(gl.TRIANGLES, what.count, gl.UNSIGNED_INT, 0);
   };
-  const once = (points, draw) => { const made = segments(points); draw(made); gl.deleteBuffer(made.data); gl.deleteVertexArray(made.array); };
+  const drawWires = (view) => {
+    gl.useProgram(thin);
+    gl.bindVertexArray(wires.array);
+    gl.uniformMatrix4fv(thin.at("view"), false, view);
+    gl.uniform4f(thin.at("colour"), ...themed("--truth").map((v) => v / 255), 0.6);
+    gl.drawArrays(gl.LINES, 0, wires.count);
+  };
+  const once = (points, draw) => { const made = segments(points); draw(made); made.free(); };
   const letterbox = (width, height) => {  // the part of the image that fills the canvas: all of it, and more above and below
     const { camera } = run, scale = Math.max(camera.width / width, camera.height / height);
     return [(camera.width - scale * width) / 2, (camera.height - scale * height) / 2, scale * width, scale * height];
@@ -88,7 +95,7 @@ const makeViewer = (run, state, stage) => {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
     drawLine(gridLine, themed("--soft"), 0.35, 0.5, view, 0, grid.centre, grid.reach);
-    if (state.now.truth) for (const w of wires) drawLine(w.line, themed("--truth"), w.estimate === null ? 0.9 : 0.55, 0.6, view);
+    if (state.now.truth && wires.count) drawWires(view);
     gl.depthFunc(gl.LEQUAL);
     const shown = through ? [] : paths;
     for (const p of shown) drawLine(p.line, themed(p.colour), p.opacity, p.width / 2, view, p.dash ? seen.distance / 45 : 0);
