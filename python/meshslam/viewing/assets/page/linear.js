@@ -33,3 +33,11 @@ const cameraMatrix = (camera, pose, [x, y, width, height], near, far) => {
   ];
   return times(projection, lookFrom(centreOf(pose), column(pose, 0), column(pose, 1).map((v) => -v), column(pose, 2).map((v) => -v)));
 };
+
+// Which spheres a view shows: its four sides and what is before the eye (Gribb and Hartmann 2001).
+const sphereTest = (view) => {
+  const row = (r) => [0, 1, 2, 3].map((c) => view[4 * c + r]), w = row(3);
+  const planes = [w, ...[0, 1].flatMap((r) => [1, -1].map((sign) => w.map((v, c) => v + sign * row(r)[c])))];
+  const scaled = planes.map((p) => { const n = Math.hypot(p[0], p[1], p[2]) || 1; return p.map((v) => v / n); });
+  return (centre, radius) => scaled.every((p) => dot(p, centre) + p[3] > -radius);
+};

@@ -145,11 +145,12 @@ const makeMeshes = (canvas, run) => {
     gl.uniform2f(at("range"), ...VERTEX_SIGMAS_M);
     gl.disable(gl.BLEND);
     gl.depthFunc(gl.LESS);
-    run.objects.filter((o) => !faded(o)).forEach((o) => one(o, colouring, 1));
+    const shows = sphereTest(view), seen = run.objects.filter((o) => shows(o.centre, o.radius));
+    seen.filter((o) => !faded(o)).forEach((o) => one(o, colouring, 1));
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     const far = (o) => Math.hypot(...sub(o.centre, eye));
-    for (const o of run.objects.filter(faded).sort((a, b) => far(b) - far(a))) {
+    for (const o of seen.filter(faded).sort((a, b) => far(b) - far(a))) {
       gl.colorMask(false, false, false, false);
       one(o, colouring, 0);
       gl.colorMask(true, true, true, true);

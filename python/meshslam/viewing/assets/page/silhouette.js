@@ -35,7 +35,7 @@ const silhouette = (mesh, camera, pose) => {
     if (Math.min(z[i], z[j], z[k]) < NEAREST_M) continue;
     side[f] = (u[j] - u[i]) * (v[k] - v[i]) - (v[j] - v[i]) * (u[k] - u[i]) < 0 ? 1 : -1;
     if (side[f] < 0) continue;
-    area.moveTo(u[i], v[i]); area.lineTo(u[j], v[j]); area.lineTo(u[k], v[k]); area.closePath();
+    area.moveTo(u[i], v[i]); area.lineTo(u[j], v[j]); area.lineTo(u[k], v[k]);  // filling closes it
   }
   for (let e = 0; e < edges.length; e += 4) {
     const [a, b, f, g] = [edges[e], edges[e + 1], edges[e + 2], edges[e + 3]];
@@ -86,7 +86,7 @@ const fillMesh = (pen, object, shown, colouring, scale) => {
     if (side[f] <= 0) continue;
     const shade = SHADES * (which ? which[f] : 0) + light[f], path = paths.get(shade) || paths.set(shade, new Path2D()).get(shade);
     const [i, j, k] = [faces[3 * f], faces[3 * f + 1], faces[3 * f + 2]];
-    path.moveTo(u[i], v[i]); path.lineTo(u[j], v[j]); path.lineTo(u[k], v[k]); path.closePath();
+    path.moveTo(u[i], v[i]); path.lineTo(u[j], v[j]); path.lineTo(u[k], v[k]); path.lineTo(u[i], v[i]);
   }
   pen.lineWidth = 0.8 / scale;  // over the seams between faces
   for (const [shade, path] of paths) {

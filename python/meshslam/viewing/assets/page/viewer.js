@@ -1,5 +1,6 @@
 // The map in 3-D: z up. Turned, moved, zoomed by hand; it goes with the camera, and flies to the selected object.
 const FOV = 0.7, STANDPOINTS = { start: "overview", top: "above", follow: "follow", camera: "camera" };
+const TRUE_RADIUS_M = 4;
 const makeViewer = (run, state, stage) => {
   const canvas = stage.querySelector("canvas"), resolution = () => Math.min(2, window.devicePixelRatio || 1);
   canvas.width = Math.round(canvas.clientWidth * resolution());
@@ -73,7 +74,12 @@ const makeViewer = (run, state, stage) => {
     gl.bindVertexArray(wires.array);
     gl.uniformMatrix4fv(thin.at("view"), false, view);
     gl.uniform4f(thin.at("colour"), ...themed("--truth").map((v) => v / 255), 0.6);
-    gl.drawArrays(gl.LINES, 0, wires.count);
+    const shows = sphereTest(view);
+    let start = 0;
+    for (const t of run.truth) {
+      if (shows(t.centre, TRUE_RADIUS_M)) gl.drawArrays(gl.LINES, start, t.ends.length / 3);
+      start += t.ends.length / 3;
+    }
   };
   const once = (points, draw) => { const made = segments(points); draw(made); made.free(); };
   const letterbox = (width, height) => {  // the part of the image that fills the canvas: all of it, and more above and below
