@@ -51,7 +51,9 @@ def save_map_report(
     left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
     path, seen = frames.world_from_camera, mapping.detections
     known = None if estimate is None else estimate.covariances
-    shown = _Shown(path, seen, mapping.map, left_out, other_paths or {}, stages, known, made=True)
+    shown = _Shown(
+        path, seen, mapping.map, left_out, other_paths or {}, stages, known, made=True, placed=other_paths is not None
+    )
     return _save(recording, shown, figures, run, clock, outlet)
 
 
@@ -69,7 +71,7 @@ def save_localization_report(
     moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
     path, seen = result.world_from_camera, result.detections
     known = None if result.estimate is None else result.estimate.covariances
-    shown = _Shown(path, seen, scene, moved, other_paths, {}, known, made=False)
+    shown = _Shown(path, seen, scene, moved, other_paths, {}, known, made=False, placed=True)
     return _save(recording, shown, figures, run, clock, outlet)
 
 
@@ -85,6 +87,7 @@ class _Shown:
     stages: dict[int, tuple[Pose, Floats]]
     covariances: Floats | None
     made: bool  # whether the run made the map, so that its objects are compared with the true ones
+    placed: bool  # whether it made the path, likewise
 
 
 def _save(
@@ -99,9 +102,8 @@ def _save(
         last.update(figures | clock.figures(len(recording)))
         return last
 
-    truth = shown_truth(
-        recording, shown.scene if shown.made else None, {"estimate": shown.world_from_camera} | shown.other_paths
-    )
+    paths = {"estimate": shown.world_from_camera} | shown.other_paths if shown.placed else {}
+    truth = shown_truth(recording, shown.scene if shown.made else None, paths)
     context = ReportContext(
         title=recording.name,
         camera=recording.camera,
@@ -113,7 +115,7 @@ def _save(
         map=shown.scene,
         left_out=tuple(shown.left_out),
         metrics=figures,
-        other_paths=shown.other_paths | truth.path,
+        other_paths=shown.other_paths | truth.path if shown.placed else {},
         stages=shown.stages,
         covariances=shown.covariances,
         true_objects=truth.objects,
