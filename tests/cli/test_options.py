@@ -55,7 +55,7 @@ def test_a_camera_is_a_number_a_file_or_one_of_each():
             _camera(given)
 
 
-IN_MEMORY = {"out", "overwrite", "json"}  # Python's results are no files
+IN_MEMORY = {"out", "overwrite", "json", "frames_in_report"}  # Python's results are no files
 BY_ANOTHER_NAME = {  # the command line's to Python's
     "sequence": "drive",
     "camera": "camera_number",  # a number, or `camera`, a file

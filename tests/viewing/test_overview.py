@@ -18,3 +18,4 @@ def test_the_page_links_every_report_and_holds_its_figures():
     assert "find &lt;it&gt;" in page
     assert all(f'href="{link}"' in page for link in pages.values())
     assert "<svg class=plan></svg><figcaption>seen &lt;here&gt;</figcaption>" in page
+    assert "plan-data" in page

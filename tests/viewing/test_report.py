@@ -8,8 +8,7 @@ import pytest
 
 from meshslam.errors import GeometryError
 from meshslam.maps import Map
-from meshslam.viewing import ReportContext, write_report
-from meshslam.viewing.filmstrip import choose_frames
+from meshslam.viewing import TrueObject, write_report
 
 VOID = {"meta", "link", "input", "img", "br", "hr"}
 NAMESPACES = ("http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink")
@@ -64,10 +63,10 @@ def test_everything_is_inside(page):
 def test_is_well_formed_and_names_every_object_once_a_list(page, cars):
     parsed, ids = Page(page), [thing.id for thing in cars.objects]
     assert parsed.open == []
-    assert parsed.numbered("chip") == ids
-    assert parsed.numbered("car") == ids
+    assert parsed.numbered("chip") == 2 * ids  # the table, the bars of mask IoU
+    assert parsed.numbered("thumb") == ids
     scene = next(t for where, t in parsed.texts if where == "script" and t.startswith("{"))
-    assert [thing["id"] for thing in json.loads(scene)["objects"]] == ids
+    assert [thing["id"] for thing in json.loads(scene)["scene"]["objects"]] == ids
 
 
 def test_text_is_never_markup(page):
@@ -89,37 +88,35 @@ def test_the_same_run_gives_the_same_page(context, page):
     assert write_report(replace(context)) == page
 
 
-def test_without_images_stages_or_objects(context, cars):
+def test_without_images_stages_or_objects(context):
     bare = replace(context, read_image=None, stages=None, left_out=(), metrics={})
-    assert "data:image/jpeg" in write_report(bare)  # thumbnails
-    assert "Category mean" not in write_report(bare)
+    assert "class=image>" in write_report(context)
+    assert "class=image>" not in write_report(bare)
+    assert "<h2>Left out" not in write_report(bare)
     empty = replace(bare, map=Map(()), detections=replace(bare.detections, detections=()))
     assert Page(write_report(empty)).open == []
-    nothing = replace(empty, frame_ids=(), world_from_camera=())
+    nothing = replace(empty, frame_ids=(), world_from_camera=(), times_s=np.zeros(0))
     assert Page(write_report(nothing)).open == []
+
+
+def test_every_frame_is_in_the_page(context):
+    assert write_report(context).count("class=image>") == len(context.frame_ids)
+    assert write_report(replace(context, frames_in_report=4)).count("class=image>") == 4
+
+
+def test_truth_is_shown_beside_the_estimate(context, make_car):
+    near, far = make_car(50, 12.1, 3.0), make_car(51, 60.0, 0.0)
+    shape = [(t.world_from_object, t.vertices, t.faces) for t in (near, far)]
+    true = (TrueObject(50, *shape[0], 3, 0.1, 0.5, 0.9), TrueObject(51, *shape[1]))
+    errors = np.column_stack([np.linspace(0, 1, 11), np.full(11, np.nan)])
+    page = write_report(replace(context, true_objects=true, path_errors={"estimate": errors}))
+    data = json.loads(next(t for where, t in Page(page).texts if where == "script" and t.startswith("{")))
+    assert [wire["estimate"] for wire in data["scene"]["truth"]] == [3, None]
+    assert data["scene"]["objects"][0]["error"] == {"centre": 0.1, "yaw": 0.5, "voxel_iou": 0.9}
+    assert data["series"]["errors"][0]["position"][-1] == 1.0
+    assert data["series"]["errors"][0]["rotation"] == [None] * 11
 
 
 def test_needs_a_pose_a_frame(context):
     with pytest.raises(GeometryError, match="one pose a frame"):
         replace(context, frame_ids=context.frame_ids[:-1])
-
-
-@pytest.mark.parametrize("count", [1, 2, 5, 8, 40])
-def test_chosen_frames_are_spread_and_show_most(context, count):
-    chosen = choose_frames(context, count)
-    parts = np.array_split(np.arange(len(context.frame_ids)), min(count, len(context.frame_ids)))
-    assert len(chosen) == len(parts)
-    for index, part in zip(chosen, parts, strict=True):
-        assert index in part
-        assert _shown(context, index) == max(_shown(context, i) for i in part)
-
-
-def test_reads_only_the_frames_it_shows(context):
-    read = []
-    write_report(replace(context, read_image=lambda i: read.append(i) or context.read_image(i), stages=None))
-    assert sorted(read) == choose_frames(context)
-
-
-def _shown(context: ReportContext, index: int) -> float:
-    ids = {thing.id for thing in context.map.objects}
-    return sum(d.bbox[2] * d.bbox[3] for d in context.found_at(index) if d.track_id in ids)

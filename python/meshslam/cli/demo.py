@@ -13,6 +13,8 @@ from meshslam.cli.options import AsJson, Overwrite
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from meshslam.viewing import ReportContext
+
 RUNS = ("map", "localize", "slam")
 
 
@@ -38,7 +40,7 @@ def demo(
     for name, run, settings in (("map", run_map, drive), ("localize", run_localize, again), ("slam", run_slam, drive)):
         with run_outlet() as outlet:
             runs[name] = run(settings, out / name, outlet, overwrite=overwrite)
-    show(runs, out, figures(out, first), as_json=json)
+    show(runs, out, *pictures(out, first, second), as_json=json)
 
 
 def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
@@ -57,29 +59,48 @@ def draw_drives(out: Path, seed: int) -> tuple[Path, Path]:
     return first, second
 
 
-def figures(out: Path, first: Path) -> list[tuple[str, str]]:
+def pictures(out: Path, first: Path, second: Path) -> tuple[list[tuple[str, str]], tuple[str, ReportContext]]:
     """Captions and markup: a frame with the cars of the map, and both drives among them from above."""
     from meshslam.maps import Map, Trajectory
-    from meshslam.perception import read_detections
+    from meshslam.perception import DetectionSet, read_detections
     from meshslam.sequences import open_sequence
-    from meshslam.viewing import birds_eye, draw_overlay, jpeg_uri
+    from meshslam.viewing import ReportContext, draw_overlay, jpeg_uri
 
-    scene, drive = Map.load(out / "map"), open_sequence(first)
-    paths = {name: Trajectory.load(out / name / "trajectory.tum").world_from_camera for name in ("map", "localize")}
+    scene, drive, again = Map.load(out / "map"), open_sequence(first), open_sequence(second)
+    paths = {name: Trajectory.load(out / name / "trajectory.tum") for name in ("map", "localize")}
     middle = len(drive) // 2
     seen = read_detections(out / "map" / "detections.json").by_frame().get(drive.frame_ids[middle], ())
-    frame = draw_overlay(drive.read_image(middle), drive.camera, paths["map"][middle], scene, seen)
-    return [
-        ("A frame of the first drive with the map's cars.", f'<img alt="frame" src="{jpeg_uri(frame)}">'),
-        (
-            "The second drive as it was found in the map, and the first.",
-            birds_eye(scene, paths["localize"], {"first drive": paths["map"]}),
-        ),
-    ]
+    pose = paths["map"].world_from_camera[middle]
+    bare = [replace(d, keypoints=None, keypoint_scores=None) for d in seen]
+    frame = draw_overlay(drive.read_image(middle), drive.camera, pose, scene, bare)
+    plan = ReportContext(
+        title="",
+        camera=again.camera,
+        frame_ids=again.frame_ids,
+        world_from_camera=paths["localize"].world_from_camera,
+        times_s=paths["localize"].times_s,
+        detections=DetectionSet((), (), ()),
+        map=scene,
+        other_paths={"path of the first drive": paths["map"].world_from_camera},
+    )
+    alternative = "a street with parked cars, each with its mesh drawn over it in a colour of its own"
+    caption = (
+        "A frame of the first drive: what was detected (boxes, masks with white borders), and the map's meshes with "
+        "their numbers. What is grey was detected and is not in the map, because it moves or was seen too little."
+    )
+    return (
+        [(caption, f'<img alt="{alternative}" src="{jpeg_uri(frame, 88)}">')],
+        ("The map from above: the second drive as it was found in it, and the first.", plan),
+    )
 
 
 def show(
-    runs: Mapping[str, Mapping[str, float]], out: Path, pictures: Sequence[tuple[str, str]], *, as_json: bool
+    runs: Mapping[str, Mapping[str, float]],
+    out: Path,
+    shown: Sequence[tuple[str, str]],
+    plan: tuple[str, ReportContext],
+    *,
+    as_json: bool,
 ) -> None:
     """Print the figures of all runs, and write the page over them."""
     import json
@@ -95,7 +116,7 @@ def show(
         "found again on a second drive in that map, by IMU and detections; path and cars together without poses."
     )
     pages = {name: f"{name}/report.html" for name in runs}
-    write_atomically(out / "report.html", overview_page("meshslam demo", intro, runs, pages, pictures).encode())
+    write_atomically(out / "report.html", overview_page("meshslam demo", intro, runs, pages, shown, plan).encode())
     if as_json:
         print(json.dumps(runs, indent=1))
         return

@@ -13,6 +13,7 @@ from meshslam.cli.options import (
     Classes,
     ConfigFile,
     Detections,
+    FramesInReport,
     Keypoints,
     Overwrite,
     RunFolder,
@@ -42,6 +43,7 @@ def localize(
     keypoints: Keypoints = None,
     solver: Annotated[str | None, typer.Option(help="smoother, or gradient: the paper's, pose by pose.")] = None,
     config: ConfigFile = None,
+    frames_in_report: FramesInReport = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
     *,
@@ -74,7 +76,7 @@ def localize(
     if solver is not None:
         settings = overlaid(settings, {"localization": {"solver": solver}}, "--solver")
     with viewers.opened(out, overwrite=overwrite) as log:
-        with run_outlet(log) as outlet:
+        with run_outlet(log, frames_in_report) as outlet:
             figures = run_localize(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
         show_figures(figures, out, as_json=json)
     end_without(figures["views_used"])

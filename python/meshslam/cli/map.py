@@ -14,6 +14,7 @@ from meshslam.cli.options import (
     Classes,
     ConfigFile,
     Detections,
+    FramesInReport,
     Keypoints,
     Overwrite,
     RunFolder,
@@ -43,6 +44,7 @@ def map_(
     ] = None,
     keypoints: Keypoints = None,
     config: ConfigFile = None,
+    frames_in_report: FramesInReport = None,
     overwrite: Overwrite = False,
     json: AsJson = False,
     *,
@@ -76,7 +78,7 @@ def map_(
     if solver is not None:
         settings = overlaid(settings, {"objects": {"solver": solver}}, "--solver")
     with viewers.opened(out, overwrite=overwrite) as log:
-        with run_outlet(log) as outlet:
+        with run_outlet(log, frames_in_report) as outlet:
             figures = run_map(settings, out, outlet, overwrite=overwrite, clock=Clock.of_process())
         show_figures(figures, out, as_json=json)
     end_without(figures["objects_mapped"])

@@ -84,6 +84,10 @@ RECORDING: dict[str, Any] = {  # what each command that opens a recording takes,
     ],
 }
 ConfigFile = Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")]
+FramesInReport = Annotated[
+    int | None,
+    typer.Option(min=2, help="Frames with images in report.html, spread over the run (default 300); more are smaller."),
+]
 Overwrite = Annotated[bool, typer.Option(help="Replace a run of other settings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
 

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 
 from meshslam.cli.quiet import is_quiet
 from meshslam.runs import Outlet
-from meshslam.viewing import RunLog
+from meshslam.viewing import FRAMES_IN_REPORT, RunLog
 
 Step = Callable[[str, int, int], None]
 EVERY_S = 10.0  # a line, of a step that goes on
@@ -70,7 +70,8 @@ def progress_bars() -> Iterator[Step]:
 
 
 @contextmanager
-def run_outlet(log: RunLog | None = None) -> Iterator[Outlet]:
+def run_outlet(log: RunLog | None = None, frames_in_report: int | None = None) -> Iterator[Outlet]:
     """Progress and notes of a run on stderr while the block runs; `log` is where the run is shown or kept."""
+    frames = FRAMES_IN_REPORT if frames_in_report is None else frames_in_report
     with progress_bars() as bars:
-        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr), log)
+        yield Outlet(bars, lambda note: print(f"note: {note}", file=sys.stderr), log, frames)

@@ -9,7 +9,14 @@ if TYPE_CHECKING:
     from meshslam.evaluation.masks import MaskScores, score_masks
     from meshslam.evaluation.material import Material, MaterialParts, Options, UnavailableError
     from meshslam.evaluation.objects import ObjectScore, match_objects, object_figures, score_object
-    from meshslam.evaluation.path_pairs import TIME_TOLERANCE_S, PathPair, pair_paths, positions, umeyama
+    from meshslam.evaluation.path_pairs import (
+        TIME_TOLERANCE_S,
+        PathPair,
+        nearest_in_time,
+        pair_paths,
+        positions,
+        umeyama,
+    )
     from meshslam.evaluation.protocols import PROTOCOLS, Measured, Protocol, chosen_protocols, measure
     from meshslam.evaluation.results import ARROWS, FORMATS, formatted, short
     from meshslam.evaluation.run import evaluate_run
@@ -23,7 +30,7 @@ else:
             "masks": "MaskScores score_masks",
             "material": "Material MaterialParts Options UnavailableError",
             "objects": "ObjectScore match_objects object_figures score_object",
-            "path_pairs": "TIME_TOLERANCE_S PathPair pair_paths positions umeyama",
+            "path_pairs": "TIME_TOLERANCE_S PathPair nearest_in_time pair_paths positions umeyama",
             "protocols": "PROTOCOLS Measured Protocol chosen_protocols measure",
             "results": "ARROWS FORMATS formatted short",
             "run": "evaluate_run",
@@ -56,6 +63,7 @@ __all__ = [
     "marked_objects",
     "match_objects",
     "measure",
+    "nearest_in_time",
     "object_figures",
     "pair_paths",
     "positions",

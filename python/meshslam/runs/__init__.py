@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
     from meshslam.runs.slam_run import run_slam
     from meshslam.runs.stages import metrics_json
-    from meshslam.runs.truth import paths_against_truth, true_path
+    from meshslam.runs.truth import paths_against_truth
 else:
     __getattr__ = deferred(
         __name__,
@@ -46,7 +46,7 @@ else:
             "settings": "configured overlaid read_config read_yaml to_yaml",
             "slam_run": "run_slam",
             "stages": "metrics_json",
-            "truth": "paths_against_truth true_path",
+            "truth": "paths_against_truth",
         },
     )
 
@@ -82,7 +82,6 @@ __all__ = [
     "segment_frames",
     "slam",
     "to_yaml",
-    "true_path",
     "users",
     "uses",
     "with_keypoints",

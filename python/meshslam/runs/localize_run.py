@@ -19,7 +19,7 @@ from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import perceive
 from meshslam.runs.report import save_localization_report
-from meshslam.runs.truth import paths_against_truth, true_path
+from meshslam.runs.truth import paths_against_truth
 from meshslam.sequences import Sequence, camera_yaml
 
 
@@ -85,6 +85,6 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     paths |= {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
     figures = stages.run_figures(result.figures, len(recording), clock) | sigmas
     figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
-    drawn = {"IMU alone": result.inertial} | true_path(recording)
-    figures = save_localization_report(recording, scene, result, figures, run, drawn, clock)
+    drawn = {"IMU alone": result.inertial}
+    figures = save_localization_report(recording, scene, result, figures, run, drawn, clock, outlet)
     return stages.end(begun, figures, outlet)

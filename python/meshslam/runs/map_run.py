@@ -107,5 +107,6 @@ def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Cloc
     stages.save(recording, made.frames, made.mapping, run)
     save_left_out_tracks(made.mapping, run, outlet)
     figures = stages.figures(recording, made.mapping, made.clock) | evaluate_run(recording.root, run.folder)
-    figures = save_map_report(recording, made.frames, made.mapping, settings.input.category, figures, run, clock)
+    shown = (recording, made.frames, made.mapping, settings.input.category)
+    figures = save_map_report(*shown, figures, run, clock, outlet=outlet)
     return stages.end(begun, figures, outlet)

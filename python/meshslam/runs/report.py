@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence as Rows
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from meshslam.categories import load_category
@@ -12,6 +13,8 @@ from meshslam.geometry import Floats, Pose
 from meshslam.maps import CameraPath, Map, RunDirectory, TrajectoryEstimate
 from meshslam.perception import DetectionSet
 from meshslam.runs.clock import REPORT, Clock
+from meshslam.runs.outlet import Outlet
+from meshslam.runs.truth import shown_truth
 from meshslam.sequences import Sequence
 from meshslam.viewing import (
     ReportContext,
@@ -39,6 +42,8 @@ def save_map_report(
     clock: Clock,
     other_paths: Paths | None = None,
     estimate: TrajectoryEstimate | None = None,
+    *,
+    outlet: Outlet,
 ) -> dict[str, float]:
     """The report of a map that was made; the figures with all times and the memory, the report's too."""
     mean = load_category(category).vertices
@@ -46,7 +51,10 @@ def save_map_report(
     left_out = [(row.track, row.reason, row.detail) for row in mapping.left_out]
     path, seen = frames.world_from_camera, mapping.detections
     known = None if estimate is None else estimate.covariances
-    return _save(recording, path, seen, mapping.map, left_out, figures, run, other_paths or {}, stages, clock, known)
+    shown = _Shown(
+        path, seen, mapping.map, left_out, other_paths or {}, stages, known, made=True, placed=other_paths is not None
+    )
+    return _save(recording, shown, figures, run, clock, outlet)
 
 
 def save_localization_report(
@@ -57,26 +65,33 @@ def save_localization_report(
     run: RunDirectory,
     other_paths: Paths,
     clock: Clock,
+    outlet: Outlet,
 ) -> dict[str, float]:
     """The report of a path in a map that was given; the figures as for a map."""
     moved = [(number, "was moved", f"refused from frame {frame}") for number, frame in sorted(result.moved.items())]
     path, seen = result.world_from_camera, result.detections
     known = None if result.estimate is None else result.estimate.covariances
-    return _save(recording, path, seen, scene, moved, figures, run, other_paths, {}, clock, known)
+    shown = _Shown(path, seen, scene, moved, other_paths, {}, known, made=False, placed=True)
+    return _save(recording, shown, figures, run, clock, outlet)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What a run found."""
+
+    world_from_camera: tuple[Pose, ...]
+    detections: DetectionSet
+    scene: Map
+    left_out: Rows[tuple[int, str, str]]
+    other_paths: Paths  # not the true one
+    stages: dict[int, tuple[Pose, Floats]]
+    covariances: Floats | None
+    made: bool  # whether the run made the map, so that its objects are compared with the true ones
+    placed: bool  # whether it made the path, likewise
 
 
 def _save(
-    recording: Sequence,
-    world_from_camera: tuple[Pose, ...],
-    detections: DetectionSet,
-    scene: Map,
-    left_out: Rows[tuple[int, str, str]],
-    figures: dict[str, float],
-    run: RunDirectory,
-    other_paths: Paths,
-    stages: dict[int, tuple[Pose, Floats]],
-    clock: Clock,
-    covariances: Floats | None,
+    recording: Sequence, shown: _Shown, figures: dict[str, float], run: RunDirectory, clock: Clock, outlet: Outlet
 ) -> dict[str, float]:
     """Write report.html, and recording.rrd where the Rerun SDK is installed and `MESHSLAM_RECORDING` is not 0."""
     began_s = time.perf_counter()
@@ -87,21 +102,27 @@ def _save(
         last.update(figures | clock.figures(len(recording)))
         return last
 
+    paths = {"estimate": shown.world_from_camera} | shown.other_paths if shown.placed else {}
+    truth = shown_truth(recording, shown.scene if shown.made else None, paths)
     context = ReportContext(
         title=recording.name,
         camera=recording.camera,
         frame_ids=recording.frame_ids,
-        world_from_camera=world_from_camera,
+        world_from_camera=shown.world_from_camera,
         times_s=recording.times_s,
         read_image=recording.read_image if recording.images is not None else None,
-        detections=detections,
-        map=scene,
-        left_out=tuple(left_out),
-        other_paths=other_paths,
-        stages=stages,
-        covariances=covariances,
-        charts=_charts(world_from_camera, scene, other_paths, figures, run),
+        detections=shown.detections,
+        map=shown.scene,
+        left_out=tuple(shown.left_out),
+        metrics=figures,
+        other_paths=shown.other_paths | truth.path if shown.placed else {},
+        stages=shown.stages,
+        covariances=shown.covariances,
+        true_objects=truth.objects,
+        path_errors=truth.errors,
+        frames_in_report=outlet.frames_in_report,
     )
+    _save_charts(context, run)
     if can_record() and os.environ.get("MESHSLAM_RECORDING") != "0":
         with run.written("recording.rrd") as part:
             write_recording(context, part)
@@ -109,17 +130,11 @@ def _save(
     return last
 
 
-def _charts(
-    path: tuple[Pose, ...], scene: Map, others: Paths, figures: dict[str, float], run: RunDirectory
-) -> tuple[tuple[str, bytes], ...]:
+def _save_charts(context: ReportContext, run: RunDirectory) -> None:
     """path.png and iterations.png, as in the paper; none where the path was given."""
-    if not others:
-        return ()
-    drawn = dict(reversed(others.items())) | {"estimate": path}  # truth below, the estimate on top
-    charts = [("path.png", "The path among the objects, from above.", path_chart(scene, drawn))]
-    iterations = iterations_chart(figures)
+    if not context.other_paths:
+        return
+    run.save("path.png", path_chart(context.map, {"estimate": context.world_from_camera} | dict(context.other_paths)))
+    iterations = iterations_chart(context.metrics)
     if iterations is not None:
-        charts.append(("iterations.png", "The path's error after each iteration.", iterations))
-    for name, _, content in charts:
-        run.save(name, content)
-    return tuple((caption, content) for _, caption, content in charts)
+        run.save("iterations.png", iterations)

@@ -21,7 +21,7 @@ from meshslam.runs.notes import imu_notes, object_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report
-from meshslam.runs.truth import paths_against_truth, true_path
+from meshslam.runs.truth import paths_against_truth
 from meshslam.sequences import Sequence
 
 
@@ -96,8 +96,7 @@ def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clo
     alone = {"initial": result.alone} if result.alone else {}
     by_iteration = {f"iteration_{k:02d}": poses for k, poses in enumerate(result.iterations)}
     figures |= paths_against_truth(recording, {**alone, **told, **by_iteration})
-    drawn = ({result.alone_by: result.alone} if result.alone else {}) | true_path(recording)
-    figures = save_map_report(
-        recording, frames, result.mapping, settings.input.category, figures, run, clock, drawn, result.estimate
-    )
+    drawn = {result.alone_by: result.alone} if result.alone else {}
+    shown = (recording, frames, result.mapping, settings.input.category)
+    figures = save_map_report(*shown, figures, run, clock, drawn, result.estimate, outlet=outlet)
     return stages.end(begun, figures, outlet)

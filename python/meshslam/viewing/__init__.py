@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         figure_text,
     )
     from meshslam.viewing.comparison_plan import LETTERS
-    from meshslam.viewing.context import ReportContext
-    from meshslam.viewing.from_above import birds_eye, footprint
+    from meshslam.viewing.context import FRAMES_IN_REPORT, ReportContext, TrueObject
+    from meshslam.viewing.from_above import footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
     from meshslam.viewing.mcap_log import McapLog, can_write_mcap
     from meshslam.viewing.mesh_drawing import mesh_picture
@@ -47,8 +47,8 @@ else:
                 "differing_settings figure_rows_of figure_text"
             ),
             "comparison_plan": "LETTERS",
-            "context": "ReportContext",
-            "from_above": "birds_eye footprint",
+            "context": "FRAMES_IN_REPORT ReportContext TrueObject",
+            "from_above": "footprint",
             "markup": "jpeg_uri number table text",
             "mcap_log": "McapLog can_write_mcap",
             "mesh_drawing": "mesh_picture",
@@ -65,6 +65,7 @@ else:
     )
 
 __all__ = [
+    "FRAMES_IN_REPORT",
     "LETTERS",
     "Better",
     "CarPair",
@@ -81,8 +82,8 @@ __all__ = [
     "ReportContext",
     "RerunLog",
     "RunLog",
+    "TrueObject",
     "better_of",
-    "birds_eye",
     "can_record",
     "can_write_mcap",
     "category_page",

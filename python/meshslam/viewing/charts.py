@@ -19,6 +19,7 @@ class Line:
     y: Sequence[float]
     style: Literal["-", "--", ":", "none"] = "-"  # none: points alone
     colour: int | None = None  # number in the cycle of colours; None: the next one
+    wide: bool = False  # a pale band: lines over it stay visible
 
 
 def line_charts(
@@ -45,7 +46,10 @@ def line_charts(
                     continue
                 marker = "o" if len(line.x) < 30 else None
                 colour = None if line.colour is None else f"C{line.colour}"
-                axes.plot(line.x, line.y, line.style, label=line.name, marker=marker, markersize=3, color=colour)
+                band = {"linewidth": 5, "alpha": 0.45} if line.wide else {}
+                axes.plot(
+                    line.x, line.y, line.style, label=line.name, marker=marker, markersize=3, color=colour, **band
+                )
             axes.set(title=title, xlabel=x_label, ylabel=y_label)
             axes.grid(alpha=0.3)
             axes.legend(fontsize=7)

@@ -8,16 +8,9 @@ import numpy as np
 
 from meshslam.geometry import Floats, Pose
 from meshslam.maps import Map, MapObject
-from meshslam.viewing.from_above import (
-    BAND_PX,
-    PATH_POINTS,
-    SCALE_BAR_PX,
-    Plan,
-    footprint,
-    make_plan,
-    round_length_m,
-)
-from meshslam.viewing.markup import px, text
+from meshslam.viewing.from_above import footprint, round_length_m
+from meshslam.viewing.ground_plan import BAND_PX, PATH_POINTS, SCALE_BAR_PX, Plan, make_plan, px
+from meshslam.viewing.markup import text
 
 DASHES = ("", "7 4", "2 4", "10 3 2 3", "1 3", "14 5")  # kinds of line, one a run
 CHART_WIDTH_PX, CHART_HEIGHT_PX, LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 1160.0, 240.0, 56.0, 16.0, 12.0, 34.0

@@ -8,11 +8,26 @@ from functools import cached_property
 from types import MappingProxyType
 
 from meshslam.errors import GeometryError
-from meshslam.geometry import Bytes, Camera, Floats, Pose
+from meshslam.geometry import Bytes, Camera, Floats, Ints, Pose
 from meshslam.maps import Map
 from meshslam.perception import Detection, DetectionSet
 
 ReadImage = Callable[[int], Bytes]  # index of a frame to its BGR image (h, w, 3)
+FRAMES_IN_REPORT = 300  # frames of a run with images that its report shows
+
+
+@dataclass(frozen=True, eq=False)
+class TrueObject:
+    """An object as it truly is, and how far the estimate that is matched to it is from it."""
+
+    id: int
+    world_from_object: Pose
+    vertices: Floats  # (V, 3), in object, metres
+    faces: Ints  # (F, 3)
+    estimated_id: int | None = None  # None: the map does not have it
+    centre_error_m: float | None = None
+    yaw_error_deg: float | None = None
+    voxel_iou: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +44,15 @@ class ReportContext:
     times_s: Floats  # (n,)
     detections: DetectionSet
     map: Map
-    read_image: ReadImage | None = None  # None: meshes and masks on an empty ground
+    read_image: ReadImage | None = None  # None: meshes and masks on a drawn ground
     left_out: tuple[tuple[int, str, str], ...] = ()  # track, reason, detail
     metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     other_paths: Mapping[str, tuple[Pose, ...]] = field(default_factory=lambda: MappingProxyType({}))  # by name
     stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices
     covariances: Floats | None = None  # (n, 6, 6) of world_from_camera, right perturbation, (translation, rotation)
-    charts: tuple[tuple[str, bytes], ...] = ()  # captions and PNG files
+    true_objects: tuple[TrueObject, ...] = ()
+    path_errors: Mapping[str, Floats] = field(default_factory=lambda: MappingProxyType({}))  # see `runs.truth`
+    frames_in_report: int = FRAMES_IN_REPORT  # with images; without them all frames are shown
 
     def __post_init__(self) -> None:
         if len(self.frame_ids) != len(self.world_from_camera):

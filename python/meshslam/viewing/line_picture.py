@@ -23,6 +23,7 @@ TICKS = 7  # about so many an axis
 MARKED = 30  # lines of fewer points show them
 INK, GRID, THIN = (30, 30, 30), (228, 228, 228), (127, 127, 127)
 CYCLE = ("1f77b4", "ff7f0e", "2ca02c", "d62728", "9467bd", "8c564b", "e377c2", "7f7f7f", "bcbd22", "17becf")  # RGB
+WIDE_PX = 7  # a band
 ROW_PX, KEY_PX = 17, 26  # of the legend
 
 
@@ -63,7 +64,7 @@ def line_picture(title: str, lines: Sequence[Line], x_label: str, y_label: str, 
     canvas = np.full((FINE * HEIGHT_PX, FINE * WIDTH_PX, 3), 255, np.uint8)
     _draw_grid(canvas, axes)
     for line, colour in zip(lines, _colours(lines), strict=True):
-        _draw_line(canvas, axes.pixels(line.x, line.y), colour, thin=not line.name, marked=len(line.x) < MARKED)
+        _draw_line(canvas, axes.pixels(line.x, line.y), colour, _width(line), marked=len(line.x) < MARKED)
     _draw_frame(canvas)
     page = Image.fromarray(canvas[..., ::-1])
     _write_axes(page, axes, title, x_label, y_label)
@@ -100,8 +101,14 @@ def _colours(lines: Sequence[Line]) -> list[tuple[int, int, int]]:
         number = place if line.colour is None else line.colour
         place += bool(line.name) and line.colour is None
         r, g, b = bytes.fromhex(CYCLE[number % len(CYCLE)])
-        found.append((b, g, r) if line.name else THIN)
+        named = (pale(b), pale(g), pale(r)) if line.wide else (b, g, r)
+        found.append(named if line.name else THIN)
     return found
+
+
+def pale(value: int) -> int:
+    """A colour's channel half way to white."""
+    return (value + 255) // 2
 
 
 def _fixed(pixels: Floats) -> AnyArray:
@@ -117,10 +124,15 @@ def _draw_grid(canvas: Bytes, axes: Axes) -> None:
         cv2.polylines(canvas, [_fixed(ends)], False, GRID, 1, cv2.LINE_AA, SHIFT)
 
 
-def _draw_line(canvas: Bytes, pixels: Floats, colour: tuple[int, int, int], *, thin: bool, marked: bool) -> None:
+def _width(line: Line) -> int:
+    """Pixels of the fine picture."""
+    return (WIDE_PX if line.wide else 2) * FINE if line.name else 2
+
+
+def _draw_line(canvas: Bytes, pixels: Floats, colour: tuple[int, int, int], width: int, *, marked: bool) -> None:
     points = _fixed(pixels)
-    cv2.polylines(canvas, [points], False, colour, 2 if thin else 2 * FINE, cv2.LINE_AA, SHIFT)
-    for x, y in points.tolist() if marked and not thin else ():
+    cv2.polylines(canvas, [points], False, colour, width, cv2.LINE_AA, SHIFT)
+    for x, y in points.tolist() if marked and width > 2 else ():
         cv2.circle(canvas, (x, y), 2 * FINE << SHIFT, colour, -1, cv2.LINE_AA, SHIFT)
 
 

@@ -6,6 +6,7 @@ import base64
 import html
 import json
 import math
+import re
 from importlib import resources
 
 import cv2
@@ -35,11 +36,6 @@ def size_m(dimensions: Floats) -> str:
     return " &times; ".join(number(v, 2) for v in dimensions.tolist())
 
 
-def px(value: float) -> str:
-    """A coordinate to a tenth of a pixel, no zeros behind."""
-    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")
-
-
 def rgb(colour: AnyArray | tuple[int, int, int]) -> str:
     """A colour as #rrggbb."""
     r, g, b = (int(c) for c in colour)
@@ -49,20 +45,30 @@ def rgb(colour: AnyArray | tuple[int, int, int]) -> str:
 def table(headings: list[str], rows: list[list[str]], classes: str = "") -> str:
     """A table of ready HTML cells."""
     head = "".join(f"<th scope=col>{h}</th>" for h in headings)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    labels = [text(html.unescape(re.sub("<[^>]*>", "", heading))) for heading in headings]  # shown on narrow screens
+    body = "".join("<tr>" + "".join(map(_cell, labels, row)) + "</tr>" for row in rows)
     return (
         f'<div class=scroll><table class="{classes}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
     )
 
 
+def _cell(label: str, content: str) -> str:
+    return f'<td data-label="{label}">{content}</td>' if label else f"<td>{content}</td>"
+
+
 def jpeg_uri(image: Bytes, quality: int = 80) -> str:
     """A BGR image as a data URI."""
-    return _uri("jpeg", _packed_as(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality]))
+    return f"data:image/jpeg;base64,{jpeg_base64(image, quality)}"
+
+
+def jpeg_base64(image: Bytes, quality: int) -> str:
+    """A BGR or grey image as a JPEG file in base64."""
+    return base64.b64encode(_packed_as(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])).decode("ascii")
 
 
 def png_uri(image: Bytes) -> str:
     """A BGR or BGRA image as a data URI."""
-    return _uri("png", png_bytes(image))
+    return f"data:image/png;base64,{base64.b64encode(png_bytes(image)).decode('ascii')}"
 
 
 def png_bytes(image: Bytes) -> bytes:
@@ -75,10 +81,6 @@ def _packed_as(suffix: str, image: Bytes, options: list[int]) -> bytes:
     if not done:
         raise MapError(f"a picture of shape {image.shape} for the report cannot be packed as {suffix[1:]}")
     return content.tobytes()
-
-
-def _uri(kind: str, content: bytes) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def packed(array: AnyArray) -> str:
@@ -95,3 +97,8 @@ def script_json(value: object) -> str:
 def asset(name: str) -> str:
     """A text file of this package."""
     return resources.files("meshslam.viewing").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def script(*names: str) -> str:
+    """Files of `assets/page` as one module: each sees the names of those before it."""
+    return "\n".join(asset(f"page/{name}.js") for name in names)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from string import Template
 
-from meshslam.viewing.markup import asset, number, table, text
+from meshslam.viewing.context import ReportContext
+from meshslam.viewing.markup import asset, number, script, script_json, table, text
+from meshslam.viewing.page_data import page_data
 from meshslam.viewing.tables import MASKS, describe
 
+MAP = '<div id="map"></div><div class="legend" id="map-legend"></div>'
+PLAN_SCRIPTS = ("run", "state", "linear", "colours", "plan", "overview")
 SHOWN = (
     "objects_mapped",
     "recall",
@@ -41,16 +46,26 @@ def overview_page(
     runs: Mapping[str, Mapping[str, float]],
     pages: Mapping[str, str],
     figures: Sequence[tuple[str, str]] = (),
+    plan: tuple[str, ReportContext] | None = None,
 ) -> str:
-    """One HTML page; `pages` are the runs' reports, relative to it, `figures` captions with the markup above them."""
+    """One HTML page; `pages` are the runs' reports, relative to it, `figures` captions with the markup above them.
+
+    `plan` is a caption and the run whose map from above is drawn under it.
+    """
     head = ["", *(f'<a href="{text(pages[name])}">{text(name)}</a>' for name in runs)]
     rows = [[text(label), *(text(cell) or number(None, 0) for cell in cells)] for label, cells in figure_rows(runs)]
-    shown = "".join(
-        f"<figure class=overview>{markup}<figcaption>{text(caption)}</figcaption></figure>"
-        for caption, markup in figures
+    return Template(asset("overview.html")).substitute(
+        title=text(title),
+        intro=text(intro),
+        style=asset("report.css"),
+        links=" ".join(f'<a class=button href="{text(pages[name])}">{text(name)}</a>' for name in runs),
+        table=table(head, rows, "compare"),
+        figures="".join(_figure(caption, markup) for caption, markup in figures),
+        plan="" if plan is None else _figure(plan[0], MAP),
+        data="" if plan is None else script_json(page_data(plan[1], [])),
+        script="" if plan is None else script(*PLAN_SCRIPTS),
     )
-    return (
-        f'<!doctype html><html lang=en><head><meta charset="utf-8"><title>{text(title)}</title>'
-        f"<style>{asset('report.css')}</style></head><body><main><h1>{text(title)}</h1><p>{text(intro)}</p>"
-        f"{table(head, rows)}{shown}</main></body></html>\n"
-    )
+
+
+def _figure(caption: str, markup: str) -> str:
+    return f"<section><figure class=overview>{markup}<figcaption>{text(caption)}</figcaption></figure></section>"

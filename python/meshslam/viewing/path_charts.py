@@ -12,6 +12,7 @@ from meshslam.viewing.charts import Line
 from meshslam.viewing.from_above import footprint
 from meshslam.viewing.line_picture import line_picture
 
+ESTIMATE = "estimate"
 ITERATION = "ate_iteration_"  # of the figures' keys that hold an iteration's error
 
 
@@ -21,11 +22,11 @@ def path_chart(scene: Map, paths: Mapping[str, Sequence[Pose]]) -> bytes:
 
 
 def lines_from_above(scene: Map, paths: Mapping[str, Sequence[Pose]]) -> list[Line]:
-    """Named paths, then the outline of each object."""
+    """Named paths, the estimate as a band below the others, then the outline of each object."""
     lines = []
-    for name, path in paths.items():
+    for name, path in sorted(paths.items(), key=lambda item: item[0] != ESTIMATE):
         places = np.array([pose.translation for pose in path])
-        lines.append(Line(name, places[:, 0].tolist(), places[:, 1].tolist()))
+        lines.append(Line(name, places[:, 0].tolist(), places[:, 1].tolist(), wide=name == ESTIMATE))
     for thing in scene.objects:
         hull = footprint(thing)
         closed = np.concatenate([hull, hull[:1]])

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from meshslam.maps import MapObject, object_colour
-from meshslam.viewing.context import ReportContext
-from meshslam.viewing.from_above import position_covariance
+from meshslam.viewing.context import ReportContext, TrueObject
+from meshslam.viewing.doubts import doubts, position_sigma_m, seen_share
 from meshslam.viewing.markup import UNKNOWN, number, rgb, size_m, table, text
 
 
@@ -64,10 +62,26 @@ FIGURES: dict[str, Figure] = {
     "seconds_imports": Figure(COST, "start and imports", "s", 1),
     "position_sigma_mean_m": Figure(RUN, "sigma of a position, mean", "m", 3),
     "rotation_sigma_mean_deg": Figure(RUN, "sigma of a rotation, mean", "°", 3),
+    "seconds_live": Figure(COST, "live", "s", 1),
     "seconds_report": Figure(COST, "report", "s", 1),
     "milliseconds_per_frame": Figure(COST, "per frame", "ms", 0),
     "peak_memory_mb": Figure(COST, "peak memory", "MB", 0),
 }
+STAGES = (
+    "seconds_imports",
+    "seconds_perception",
+    "seconds_tracking",
+    "seconds_localization",
+    "seconds_mapping",
+    "seconds_live",
+    "seconds_report",
+)
+EXPLAINED = {
+    "mask IoU": "overlap of the mesh with the masks, mean over the views",
+    "position, 1 &sigma;": "standard deviation along the least certain axis",
+    "surface seen": "share of the vertices that some view shows; the rest is the category's prior",
+}
+ERROR = "distance of the centre from the true one"
 UNITS = {"m": "m", "deg": "°", "percent": "%", "mb": "MB", "px": "px", "s": "s"}
 
 
@@ -96,48 +110,79 @@ def figures_table(metrics: Mapping[str, float]) -> str:
 
 def objects_table(context: ReportContext) -> str:
     """One row an object."""
-    headings = ["id", "category", "length &times; width &times; height", "views", "frames", "mask IoU"]
-    explained = {
-        "position, 1 &sigma;": "standard deviation along the least certain axis",
-        "surface seen": "share of the vertices that some view shows; the rest is the category's prior",
-        "yaw": "heading about z in world",
-    }
-    headings += [f'<abbr title="{why}">{name}</abbr>' for name, why in explained.items()]
-    rows = [_object_row(thing) for thing in context.map.objects]
-    return table(headings, rows, "objects") if rows else "<p class=none>No object is in the map.</p>"
+    if not context.map.objects:
+        return "<p class=none>No object is in the map.</p>"
+    errors = {true.estimated_id: true for true in context.true_objects if true.estimated_id is not None}
+    headings = ["", "id", "category", "length &times; width &times; height", "views", "frames"]
+    headings += [f'<abbr title="{why}">{name}</abbr>' for name, why in EXPLAINED.items()]
+    headings += [*([f'<abbr title="{ERROR}">error</abbr>'] if errors else []), "doubts"]
+    rows = [_object_row(thing, errors) for thing in context.map.objects]
+    return table(headings, rows, "objects")
 
 
-def _object_row(thing: MapObject) -> list[str]:
-    colour = rgb(object_colour(thing.id))
-    chip = f'<button type=button class=chip data-id="{thing.id}"><i style="background:{colour}"></i>{thing.id}</button>'
-    size = f"{size_m(thing.dimensions)}<small> m</small>"
+def _object_row(thing: MapObject, errors: Mapping[int, TrueObject]) -> list[str]:
     frames = UNKNOWN if thing.first_frame is None else f"{thing.first_frame}&ndash;{thing.last_frame}"
-    sigma = position_sigma_m(thing)
-    seen = None if thing.vertex_observed is None else 100 * float(np.mean(thing.vertex_observed))
+    sigma, seen, said = position_sigma_m(thing), seen_share(thing), doubts(thing)
+    true = errors.get(thing.id)
+    error = [_with_unit(None if true is None else true.centre_error_m, 2, "m")] if errors else []
     return [
-        chip,
+        f'<canvas class=thumb data-id="{thing.id}" width=144 height=96 aria-hidden=true></canvas>',
+        chip(thing.id),
         text(thing.category),
-        size,
+        f"{size_m(thing.dimensions)}<small> m</small>",
         str(thing.views),
         frames,
         number(thing.mask_iou, 3),
         _with_unit(None if sigma is None else 100 * sigma, 1, "cm"),
-        _with_unit(seen, 0, "%"),
-        _with_unit(float(np.degrees(thing.world_from_object.yaw_rad)), 1, "°"),
+        _with_unit(None if seen is None else 100 * seen, 0, "%"),
+        *error,
+        f"<span class=doubt>{text('; '.join(said))}</span>" if said else "<small>none</small>",
     ]
 
 
-def position_sigma_m(thing: MapObject) -> float | None:
-    """Standard deviation of an object's position along its least certain axis, metres."""
-    covariance = position_covariance(thing)
-    return None if covariance is None else float(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0.0)))
+def chip(number_of_object: int) -> str:
+    """A button that selects an object."""
+    colour = rgb(object_colour(number_of_object))
+    return (
+        f'<button type=button class=chip data-id="{number_of_object}" aria-pressed=false>'
+        f'<i style="background:{colour}"></i>{number_of_object}</button>'
+    )
 
 
 def _with_unit(value: float | None, decimals: int, unit: str) -> str:
     return number(value, decimals) + ("" if value is None else f"<small> {unit}</small>")
 
 
-def left_out_table(context: ReportContext) -> str:
-    """Tracks that are no objects, with the reason; empty if there are none."""
-    rows = [[str(track), text(reason), text(detail)] for track, reason, detail in context.left_out]
-    return table(["track", "reason", "found"], rows, "left") if rows else ""
+def iou_bars(context: ReportContext) -> str:
+    """Mask IoU of each object as a bar that selects it; empty where none is known."""
+    known = [(thing.id, thing.mask_iou) for thing in context.map.objects if thing.mask_iou is not None]
+    rows = [
+        f'<li>{chip(number_)}<span class=track><span style="width:{100 * iou:.1f}%"></span></span><b>{iou:.3f}</b></li>'
+        for number_, iou in known
+    ]
+    return f"<ol class='bars ious'>{''.join(rows)}</ol>" if rows else ""
+
+
+def time_bars(metrics: Mapping[str, float]) -> str:
+    """Seconds of each stage as bars; empty where none are known."""
+    seconds = {key: metrics[key] for key in STAGES if key in metrics}
+    longest = max(seconds.values(), default=0.0)
+    rows = [
+        f"<li><span>{text(describe(key).label)}</span>"
+        f'<span class=track><span style="width:{100 * took / longest:.1f}%"></span></span>'
+        f"<b>{number(took, 2)}<small> s</small></b></li>"
+        for key, took in seconds.items()
+        if longest > 0
+    ]
+    return f"<ol class='bars times'>{''.join(rows)}</ol>" if rows else ""
+
+
+def left_out_list(context: ReportContext) -> str:
+    """Tracks that are no objects, with a picture and the reason; empty if there are none."""
+    rows = [
+        f'<li><canvas class=lost data-id="{track}" width=240 height=160 aria-hidden=true></canvas>'
+        f"<div><b>track {track}</b> <span class=reason>{text(reason)}</span><p>{text(detail)}</p>"
+        f'<button type=button class=to-frame data-id="{track}" hidden>show it</button></div></li>'
+        for track, reason, detail in context.left_out
+    ]
+    return f"<ul class=lost-list>{''.join(rows)}</ul>" if rows else ""
