@@ -84,7 +84,7 @@ def test_the_wheel_alone_maps_finds_itself_again_and_runs_slam(wheel, tmp_path):
     page = (out / "report.html").read_text()
     assert page.count("data:image/jpeg") == 1
     [data] = re.findall(r'<script type="application/json" id="[a-z-]*data">(.*?)</script>', page, re.DOTALL)
-    drawn = {thing["id"] for thing in json.loads(data)["objects"]}
+    drawn = {thing["id"] for thing in json.loads(data)["scene"]["objects"]}
     assert drawn == {thing.id for thing in Map.load(out / "map").objects}
     for name in runs:
         assert f"{name}/report.html" in page
