@@ -66,9 +66,38 @@ def test_with_time_enough_it_is_as_good_as_the_stream(begin, drive, seen, street
         errors_m(p, street.world_from_camera)
         for p in (result.trajectory.world_from_camera, stream.trajectory.world_from_camera)
     )
-    assert live.mean() < 1.5 * offline.mean() + 0.02  # which detections come a frame late differs from run to run
+    assert live.max() < 1.5 * offline.max() + 0.02
     assert len(result.map) >= len(stream.map) - 1
     assert result.estimate.frame_ids == drive.frame_ids
+
+
+def test_detections_that_come_while_the_window_has_their_frame_are_used_with_the_next(begin, drive, seen):
+    """The network ends with a frame in the middle of the window's work on it."""
+    run, by_frame, given = begin(), seen.by_frame(), {}
+    process = run._slam.process_live
+
+    def process_slowly(frame, samples, features, late):
+        given.update(late)
+        if frame.detections is not None:
+            given[frame.number] = frame.detections
+        state = process(frame, samples, features, late)
+        with run._news:
+            run._late[frame.number] = by_frame[frame.number]  # as the thread of the network puts them
+        return state
+
+    run._slam.process_live = process_slowly
+    run._segment = lambda _frame: None
+    for frame in range(6):
+        time_s = float(drive.times_s[frame])
+        before_s = float(drive.times_s[frame - 1]) + 0.011 if frame else -1.0
+        run.add_imu(drive.imu.between(before_s, time_s + 0.011))
+        run.add_frame(None, time_s, frame)
+        until_s = time.monotonic() + 20
+        while run.counts.taken_in <= frame and time.monotonic() < until_s:
+            time.sleep(0.001)
+    assert run.counts.taken_in == 6
+    assert set(given) == set(range(5))  # each with the frame after it
+    assert all(given[frame] == by_frame[frame] for frame in given)
 
 
 def test_a_pose_comes_in_time_whatever_the_window_does(begin, drive, seen, street):

@@ -365,7 +365,8 @@ class LiveSlam:
             return
         self._given_s = float(samples.times_s[-1]) if len(samples.times_s) else self._given_s
         with self._news:
-            for number in (*seen, frame.number):
+            taken = (*seen, frame.number) if own is not None else (*seen,)  # its own may have come meanwhile: they wait
+            for number in taken:
                 self._late.pop(number, None)
             self.counts.too_late += len(seen) - len(held)
             self.counts.taken_in += 1
