@@ -30,6 +30,15 @@ def test_one_car_moves_evenly_and_no_other(street):
     assert all(np.array_equal(b.at(5.0).matrix, b.start.matrix) for b in street.cars if not b.moves)
 
 
+def test_the_camera_never_drives_into_a_car_before_it(car):
+    street = make_street(car, 2, StreetConfig(frames=120, moving_cars=3))
+    ahead, further = (body for body in street.cars if body.speed_m_s > 0)
+    for time_s, pose in zip(street.times_s, street.world_from_camera, strict=True):
+        rear, front = (ahead.at(time_s).translation[0] + half * ahead.body.dimensions[0] for half in (-0.5, 0.5))
+        assert rear - pose.translation[0] > 2.0
+        assert further.at(time_s).translation[0] - further.body.dimensions[0] / 2 - front > 2.0
+
+
 def test_another_seed_is_another_street(car):
     a, b = (make_street(car, seed, StreetConfig(frames=2)) for seed in (0, 1))
     assert not np.allclose(a.cars[0].vertices, b.cars[0].vertices)

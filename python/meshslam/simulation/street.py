@@ -19,6 +19,7 @@ from meshslam.simulation.road import Road
 FORWARD_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # z ahead becomes x ahead
 Mode = Literal["coloured", "textureless", "contrast"]
 LensKind = Literal["pinhole", "equidistant"]
+_LEAST_AHEAD_M = 6.5  # of the middle of a car that drives in front of the camera
 _BEYOND_M = 10.0  # the last of cars that are spread begins so far after the drive's end
 
 
@@ -182,7 +183,8 @@ def furnished(
             cars.append(car)
     cars = [replace(car, id=i + 1) for i, car in enumerate(_clear(cars, world_from_camera))]
     for k in range(config.moving_cars):
-        cars.append(_moving_car(len(cars) + 1, k, road, draw(rng), rng, config))
+        car = _moving_car(len(cars) + 1, k, road, draw(rng), rng, config)
+        cars.append(_kept_ahead(car, times_s, world_from_camera, config))
     walls = walls_along(road, rng, config.kerb_m)
     lens = street_lens(config)
     return Street(
@@ -252,6 +254,17 @@ def _clear(cars: list[Car], world_from_camera: tuple[Pose, ...]) -> list[Car]:
         if not any(near) and np.linalg.norm(path - place, axis=1).min() > half + 0.8:
             kept.append(car)
     return kept
+
+
+def _kept_ahead(car: Car, times_s: Floats, world_from_camera: tuple[Pose, ...], config: StreetConfig) -> Car:
+    """A car in the camera's lane, fast enough that neither the camera nor a car between them drives into it."""
+    places = np.array([pose.translation for pose in world_from_camera])
+    driven_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    later = times_s > times_s[0]
+    if car.speed_m_s <= 0 or not later.any():
+        return car
+    needed = (driven_m + _LEAST_AHEAD_M - config.moving_start_m)[later] / (times_s - times_s[0])[later]
+    return replace(car, speed_m_s=max(car.speed_m_s, float(needed.max())))
 
 
 def _moving_car(number: int, k: int, road: Road, body: Body, rng: np.random.Generator, config: StreetConfig) -> Car:
