@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DOCS := .venv-docs
 ROS2 := .venv-ros2
+NODE := .node
 STAMP := $(VENV)/.setup-done
 RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock rustfmt.toml
 
@@ -37,7 +38,12 @@ $(ROS2)/.packages: requirements-ros2.lock $(VENV)/.packages
 	$(BIN)/python scripts/join_environments.py $(ROS2)
 	@touch $@
 
-test: setup $(ROS2)/.packages ## every test; those of the ROS 2 node in .venv-ros2
+$(NODE)/.packages: tests/node/package.json
+	@mkdir -p $(NODE) && cp tests/node/package.json $(NODE)
+	@if command -v npm >/dev/null; then npm install --silent --no-package-lock --no-audit --no-fund --prefix $(NODE); else echo "no npm: tests by other projects' glTF validator are skipped"; fi
+	@touch $@
+
+test: setup $(ROS2)/.packages $(NODE)/.packages ## every test; those of the ROS 2 node in .venv-ros2
 	$(BIN)/python scripts/test.py
 
 wheel: setup ## a wheel for Python 3.11 and newer, and the source distribution, in dist/
@@ -57,6 +63,7 @@ lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, 
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/check_faces.py
 	$(BIN)/python scripts/check_core_modules.py
+	$(BIN)/python scripts/results_table.py --check
 	$(BIN)/python -m mypy.stubtest meshslam._core
 
 $(DOCS)/.packages: docs/requirements.txt
@@ -91,4 +98,4 @@ fuzz: setup ## hostile input to the core's entry points (with overflow checks), 
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 
 clean: ## remove what was built
-	rm -rf $(VENV) $(DOCS) $(ROS2) target demo site benchmarks/out
+	rm -rf $(VENV) $(DOCS) $(ROS2) $(NODE) target demo site benchmarks/out

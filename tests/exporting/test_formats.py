@@ -22,6 +22,7 @@ from meshslam.exporting import FORMATS, FinishedRun, GeoOrigin, export_content
 from meshslam.geometry import Camera, Pose
 from meshslam.maps import Map, Trajectory, object_colour
 from tests.exporting.conftest import CAMERA, FRAMES
+from tests.gltf_validator import validated
 
 ORIGIN = GeoOrigin(49.011, 8.416, 110.0, 30.0)
 
@@ -39,6 +40,14 @@ def matrices(path):
 def test_every_format_has_a_test_here():
     text = Path(__file__).read_text(encoding="utf-8")
     assert all(f'"{name}"' in text for name in FORMATS)
+
+
+def test_glb_is_without_fault_to_the_validator_of_the_format(run, tmp_path):
+    file = exported(run, "glb", tmp_path)
+    assert validated(file) == []
+    damaged = tmp_path / "damaged.glb"
+    damaged.write_bytes(file.read_bytes().replace(b'"componentType":5126', b'"componentType":5125', 1))
+    assert validated(damaged) != []
 
 
 def test_glb_holds_objects_with_properties_and_a_camera_a_frame(run, tmp_path):

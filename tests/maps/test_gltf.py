@@ -7,6 +7,7 @@ import trimesh
 from meshslam.geometry import Pose
 from meshslam.maps import Map, Trajectory, object_colour, save_glb, to_glb
 from meshslam.maps.gltf import linear, vertex_colours
+from tests.gltf_validator import validated
 
 
 def scene_of(content):
@@ -32,6 +33,11 @@ def test_everything_stands_where_it_is_with_up_as_y(a_map, path):
     tube = trimesh.transform_points(scene.geometry[name].vertices, transform)
     assert np.abs(tube[:, 1] - 1.65).max() < 0.1
     assert (tube[:, 0].max(), tube[:, 2].min()) == (pytest.approx(29, abs=0.1), pytest.approx(-2.9, abs=0.1))
+
+
+def test_the_file_is_without_fault_to_the_validator_of_the_format(a_map, path, tmp_path):
+    (tmp_path / "map.glb").write_bytes(to_glb(a_map, path))
+    assert validated(tmp_path / "map.glb") == []
 
 
 def test_an_upright_car_stands_upright(make_object):
