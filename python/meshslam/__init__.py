@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from meshslam.live import LiveSlam
     from meshslam.localization import Localizer
-    from meshslam.maps import Map, Trajectory, TrajectoryEstimate
+    from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
     from meshslam.object_slam import Slam
     from meshslam.runs import Config, evaluate, localize, map_drive, slam
     from meshslam.sequences import open_sequence
@@ -30,6 +30,7 @@ __all__ = [
     "Localizer",
     "Map",
     "Slam",
+    "TiledMap",
     "Trajectory",
     "TrajectoryEstimate",
     "__version__",
@@ -46,6 +47,7 @@ _ROOM_OF = {
     "Localizer": "localization",
     "Map": "maps",
     "Slam": "object_slam",
+    "TiledMap": "maps",
     "Trajectory": "maps",
     "TrajectoryEstimate": "maps",
     "evaluate": "runs",

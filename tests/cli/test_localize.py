@@ -1,10 +1,12 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
-from meshslam.maps import Map, TrajectoryEstimate
+from meshslam.geometry import Pose
+from meshslam.maps import Map, TiledMap, TrajectoryEstimate
 from meshslam.sequences import camera_yaml, open_sequence
 from tests.cli.conftest import done, error_of, meshslam
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, samples_of
@@ -66,6 +68,32 @@ def test_localize_writes_a_run(drive, tmp_path):
     done("localize", drive, "--map", drive / "objects.json", "--out", again)
     for name in ("trajectory.tum", "trajectory.csv"):
         assert (again / name).read_bytes() == (run / name).read_bytes()
+
+
+def test_localizing_in_a_map_in_tiles_gives_the_same_path_and_reads_what_is_near(drive, tmp_path):
+    scene = Map.load(drive / "objects.json")
+    far = [replace(t, id=1000 + i, world_from_object=FAR @ t.world_from_object) for i, t in enumerate(scene.objects)]
+    city = TiledMap.create(tmp_path / "city")
+    city.put([*scene.objects, *far])
+    for key, entry in city.index.entries.items():
+        if key[0] > 40:  # tiles that are never read may be anything
+            (tmp_path / "city" / "tiles" / entry.meshes).write_bytes(b"no tile")
+    run, plain = tmp_path / "run", tmp_path / "plain"
+    figures = json.loads(done("localize", drive, "--map", tmp_path / "city", "--out", run, "--json").stdout)
+    small = TiledMap.create(tmp_path / "small")
+    small.put(scene.objects)
+    done("localize", drive, "--map", tmp_path / "small", "--out", plain)
+    assert figures["objects_in_map"] == 2 * len(scene)
+    assert (run / "trajectory.tum").read_bytes() == (plain / "trajectory.tum").read_bytes()
+    assert "1000" not in (run / "report.html").read_text().split("<h2>Objects</h2>")[1].split("</section>")[0]
+    before = (run / "metrics.json").stat().st_mtime_ns
+    done("localize", drive, "--map", tmp_path / "city", "--out", run)  # again: nothing is done
+    assert (run / "metrics.json").stat().st_mtime_ns == before
+    city.remove([next(iter(scene))])
+    assert "map" in error_of(meshslam("localize", drive, "--map", tmp_path / "city", "--out", run))
+
+
+FAR = Pose(np.eye(3), np.array([5000.0, 0.0, 0.0]))
 
 
 def test_truth_never_reaches_the_path(drive, tmp_path):

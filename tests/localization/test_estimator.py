@@ -8,7 +8,7 @@ import pytest
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import LocalizationConfig, estimator
 from meshslam.localization.estimator import LocalizationEstimator
-from meshslam.localization.map_models import known_objects
+from meshslam.localization.map_models import KnownMap
 from meshslam.motion import ImuConfig, Mounting, Preintegrator
 from tests.fixtures.imu_street import IMU_FROM_CAMERA, start_of
 
@@ -30,7 +30,7 @@ def predicted(drive, seen, scene, monkeypatch):
         monkeypatch.setattr(estimator, "correct", watched)
         names = {c.name: c.keypoints for c in seen.categories}
         told = Mounting(IMU_FROM_CAMERA), names, EstimationConfig(imu=imu), LocalizationConfig()
-        localizer = LocalizationEstimator(drive.camera, known_objects(scene), *told)
+        localizer = LocalizationEstimator(drive.camera, KnownMap(scene, 70.0), *told)
         by_frame, state, rows = seen.by_frame(), start_of(drive), []
         localizer.begin(0, state, drive.imu, by_frame[0])
         for index in range(1, frames):

@@ -6,7 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.categories.build import build_family, category_of, wrapped_cars
-    from meshslam.categories.category import Category, category_names, load_category, save_category
+    from meshslam.categories.category import Category, category_bytes, category_names, load_category, save_category
     from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
     from meshslam.categories.keypoints import KEYPOINT_NAMES, keypoint_order
     from meshslam.categories.procedural.car import CarShape
@@ -20,7 +20,7 @@ else:
         __name__,
         {
             "build": "build_family category_of wrapped_cars",
-            "category": "Category category_names load_category save_category",
+            "category": "Category category_bytes category_names load_category save_category",
             "from_meshes": "MeshOptions category_from_meshes",
             "keypoints": "KEYPOINT_NAMES keypoint_order",
             "procedural.car": "CarShape",
@@ -43,6 +43,7 @@ __all__ = [
     "build_family",
     "car_template",
     "carry",
+    "category_bytes",
     "category_from_meshes",
     "category_names",
     "category_of",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -11,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from meshslam.errors import CategoryError
-from meshslam.files import remove_leftovers_of, write_atomically
+from meshslam.files import arrays_from_bytes, arrays_to_bytes, remove_leftovers_of, write_atomically
 from meshslam.geometry import AnyArray, Floats, Ints
 
 FORMAT = "meshslam-category-1"
 FIELDS = ("vertices", "faces", "modes", "mirror", "keypoint_names", "keypoint_weights", "wheel_vertices")
-EARLIEST_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,23 +91,14 @@ def category_bytes(category: Category) -> bytes:
         array = np.asarray(getattr(category, field))
         small = {"f": np.float32, "i": np.int32}.get(array.dtype.kind)
         arrays[field] = array.astype(small) if small else array
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        for key, array in arrays.items():
-            part = io.BytesIO()
-            np.lib.format.write_array(part, array, allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{key}.npy", EARLIEST_ZIP_TIME), part.getvalue(), zipfile.ZIP_DEFLATED)
-    return buffer.getvalue()
+    return arrays_to_bytes(arrays)
 
 
 def _read(data: bytes, origin: str) -> Category:
     try:
-        _check_sizes(data)
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays: dict[str, AnyArray] = {key: archive[key] for key in archive.files}
-    except Exception as error:  # NumPy, zip, zlib and tokenize raise their own kinds
-        said = " ".join(str(error).split())[:150]
-        raise CategoryError(f"{origin}: not a readable .npz file ({said})") from error
+        arrays: dict[str, AnyArray] = arrays_from_bytes(data, _MAX_BYTES)
+    except ValueError as error:
+        raise CategoryError(f"{origin}: {error}") from error
     missing = [key for key in ("format", "name", *FIELDS) if key not in arrays]
     if missing:
         raise CategoryError(f"{origin}: key {missing[0]!r} is missing; a category file holds {', '.join(FIELDS)}")
@@ -125,14 +113,6 @@ def _read(data: bytes, origin: str) -> Category:
 
 
 _MAX_BYTES = 256 << 20  # of all arrays; the shipped categories have 0.5 MB
-
-
-def _check_sizes(data: bytes) -> None:
-    """ValueError for a file whose arrays say they unpack to more than any category needs: they are not unpacked."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        size = sum(member.file_size for member in archive.infolist())
-    if size > _MAX_BYTES:
-        raise ValueError(f"it says it unpacks to {size} bytes, more than {_MAX_BYTES} are not read")
 
 
 def _from_arrays(arrays: dict[str, AnyArray]) -> Category:

@@ -52,10 +52,13 @@ def check_format(name: str, origin: GeoOrigin | None = None) -> None:
     found = FORMATS[name]
     if found.needs_origin and origin is None:
         raise ConfigError(f"--format {name}: say where the map is on the earth: --origin LAT,LON[,HEIGHT[,HEADING]]")
-    missing = [package for package in found.packages if importlib.util.find_spec(package) is None]
+    needed, extra = (*found.packages,), found.extra
+    if found.takes_origin and origin is not None:
+        needed, extra = (*needed, "pymap3d"), "geo"
+    missing = [package for package in needed if importlib.util.find_spec(package) is None]
     if missing:
         raise ConfigError(
-            f"--format {name}: needs {', '.join(missing)}, not installed: pip install 'meshslam[{found.extra}]'"
+            f"--format {name}: needs {', '.join(missing)}, not installed: pip install 'meshslam[{extra}]'"
         )
 
 

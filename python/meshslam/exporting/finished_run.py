@@ -11,9 +11,11 @@ import numpy as np
 
 from meshslam.errors import MapError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.maps import Map, Trajectory, TrajectoryEstimate
+from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
 from meshslam.perception import Detection, DetectionSet, read_detections
 from meshslam.sequences import read_camera_file
+
+_NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.5, 0.5)  # of a map, which has no frames that it would be used for
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +37,20 @@ class FinishedRun:
     detections: DetectionSet | None = None
     read_image: Callable[[int], Bytes] | None = None
     notes: tuple[str, ...] = ()
+    tiled: TiledMap | None = None  # the map, where a map in tiles is all that there is
 
     @staticmethod
     def load(folder: Path) -> FinishedRun:
         """Read a run's folder; MapError, naming the file, if it is none, or if a file is damaged.
 
-        A run of `localize` has no map of its own: its scene is empty, and `notes` says so.
+        A run of `localize` has no map of its own: its scene is empty, and `notes` says so. Of a map in tiles nothing is
+        read yet: `whole` has its objects.
         """
         folder = Path(folder)
+        if TiledMap.is_at(folder):
+            return FinishedRun(
+                folder.resolve().name, Map(()), Trajectory(np.zeros(0), ()), (), _NO_CAMERA, tiled=TiledMap.open(folder)
+            )
         if not (folder / "trajectory.tum").is_file():
             raise MapError(f"{folder}: is no finished run: it holds no trajectory.tum: give the folder of --out")
         path, notes = Trajectory.load(folder / "trajectory.tum"), []
@@ -66,6 +74,10 @@ class FinishedRun:
             found,
             notes=(*notes, *said),
         )
+
+    def whole(self) -> FinishedRun:
+        """The same with all objects of a map in tiles."""
+        return self if self.tiled is None else replace(self, scene=self.tiled.loaded())
 
     def with_images(self, read_image: Callable[[int], Bytes] | None) -> FinishedRun:
         """The same with images."""

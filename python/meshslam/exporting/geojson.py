@@ -58,6 +58,22 @@ class GeoOrigin:
         found: Floats = np.round(np.stack([longitude, latitude], axis=-1), DEGREE_DECIMALS)
         return found
 
+    @property
+    def earth_from_world(self) -> Floats:
+        """The world's axes at the origin, earth-centred (EPSG:4978), metres: a matrix (4, 4)."""
+        import pymap3d
+
+        turn = np.radians(self.heading_deg)
+        ahead = np.array([np.sin(turn), np.cos(turn), 0.0])  # the world's x axis: east, north, up
+        axes = np.stack([ahead, np.array([-ahead[1], ahead[0], 0.0]), np.array([0.0, 0.0, 1.0])])
+        place = (self.latitude_deg, self.longitude_deg, self.height_m)
+        middle = np.array(pymap3d.geodetic2ecef(*place))
+        matrix = np.eye(4)
+        for column, axis in enumerate(axes):
+            matrix[:3, column] = pymap3d.enu2uvw(*axis, *place[:2])
+        matrix[:3, 3] = middle
+        return matrix
+
 
 def write(run: FinishedRun, target: Path, origin: GeoOrigin) -> Notes:
     """A polygon for each object, with its row of the table as properties, and the path as a line."""

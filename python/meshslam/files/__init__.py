@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
+    from meshslam.files.arrays import arrays_from_bytes, arrays_to_bytes
     from meshslam.files.atomic import (
         LEFTOVER_SUFFIX,
         part_of,
@@ -18,11 +19,12 @@ if TYPE_CHECKING:
     from meshslam.files.digest import digest_of, digest_of_file
     from meshslam.files.folder import LIST, replaced_folder
     from meshslam.files.lock import LOCK, locked
-    from meshslam.files.places import map_file, must_exist, real_path
+    from meshslam.files.places import CITY, map_file, must_exist, real_path
 else:
     __getattr__ = deferred(
         __name__,
         {
+            "arrays": "arrays_from_bytes arrays_to_bytes",
             "atomic": (
                 "LEFTOVER_SUFFIX part_of remove_leftovers remove_leftovers_of write_atomically write_into "
                 "write_together written_aside"
@@ -30,14 +32,17 @@ else:
             "digest": "digest_of digest_of_file",
             "folder": "LIST replaced_folder",
             "lock": "LOCK locked",
-            "places": "map_file must_exist real_path",
+            "places": "CITY map_file must_exist real_path",
         },
     )
 
 __all__ = [
+    "CITY",
     "LEFTOVER_SUFFIX",
     "LIST",
     "LOCK",
+    "arrays_from_bytes",
+    "arrays_to_bytes",
     "digest_of",
     "digest_of_file",
     "locked",

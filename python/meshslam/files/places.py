@@ -14,9 +14,14 @@ def real_path(path: Path | str) -> Path:
     return Path(os.path.realpath(path))
 
 
+CITY = "city.json"  # the index of a map in tiles
+
+
 def map_file(path: Path) -> Path:
-    """The file of a map that a run directory or the file itself names."""
-    return path / "map.json" if path.is_dir() else path
+    """The file of a map that a run directory, a map in tiles, or the file itself names."""
+    if not path.is_dir():
+        return path
+    return path / CITY if (path / CITY).is_file() else path / "map.json"
 
 
 def must_exist(path: Path, what: str, error: type[MeshslamError]) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from meshslam.localization.estimator import FrameReport, LocalizationEstimator
     from meshslam.localization.gradient_estimator import CameraLoss, camera_loss, descend, descend_camera, per_pixel
     from meshslam.localization.localizer import Localizer, LocalizerSettings
-    from meshslam.localization.map_models import KnownObject, known_objects
+    from meshslam.localization.map_models import KnownMap, KnownObject, known_objects
     from meshslam.localization.sequence import Localization, LocalizedFrame, localize_sequence
     from meshslam.localization.stream import Stream
 else:
@@ -26,7 +26,7 @@ else:
             "estimator": "FrameReport LocalizationEstimator",
             "gradient_estimator": "CameraLoss camera_loss descend descend_camera per_pixel",
             "localizer": "Localizer LocalizerSettings",
-            "map_models": "KnownObject known_objects",
+            "map_models": "KnownMap KnownObject known_objects",
             "sequence": "Localization LocalizedFrame localize_sequence",
             "stream": "Stream",
         },
@@ -38,6 +38,7 @@ __all__ = [
     "FrameMasks",
     "FrameReport",
     "GateConfig",
+    "KnownMap",
     "KnownObject",
     "Localization",
     "LocalizationConfig",

@@ -21,7 +21,7 @@ from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import Correction, MapObservation, correct
 from meshslam.localization.data_association import FrameMasks, associate, in_view, observations_of
-from meshslam.localization.map_models import KnownObject
+from meshslam.localization.map_models import KnownMap, KnownObject
 from meshslam.motion import Interval, Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.objects import ObjectConfig
 from meshslam.perception import Detection
@@ -71,7 +71,7 @@ class LocalizationEstimator:
     """The camera in a known map; feed it frames in the order of their times."""
 
     camera: Camera
-    objects: Sequence[KnownObject]
+    known: KnownMap
     mounting: Mounting
     keypoint_names: Mapping[str, tuple[str, ...]]
     estimation: EstimationConfig
@@ -220,7 +220,7 @@ class LocalizationEstimator:
         self, masks: FrameMasks, world_from_camera: Pose
     ) -> tuple[dict[int, KnownObject], dict[int, MapObservation]]:
         """The object that each detection shows, and its observation."""
-        usable = [o for o in self.objects if o.id not in self.moved]
+        usable = [o for o in self.known.around(world_from_camera.translation) if o.id not in self.moved]
         expected = in_view(self.camera, world_from_camera, usable, self.config.association.max_distance_m)
         matched = associate(masks, world_from_camera, expected, self.config.association)
         views = observations_of(

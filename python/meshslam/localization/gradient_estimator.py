@@ -13,7 +13,7 @@ from meshslam.initialization import EstimationConfig
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.data_association import FrameMasks, associate, in_view
 from meshslam.localization.estimator import NO_OBJECT_THERE, FrameReport
-from meshslam.localization.map_models import KnownObject
+from meshslam.localization.map_models import KnownMap, KnownObject
 from meshslam.motion import Mounting, NavState, Preintegrator, predict, rate_at
 from meshslam.objects import ObjectConfig, keypoints_of
 from meshslam.perception import Detection, are_near
@@ -126,7 +126,7 @@ class GradientEstimator:
     """Frame by frame as in the paper; the same calls as `LocalizationEstimator`'s."""
 
     camera: Camera
-    objects: Sequence[KnownObject]
+    known: KnownMap
     mounting: Mounting
     keypoint_names: Mapping[str, tuple[str, ...]]
     estimation: EstimationConfig
@@ -170,7 +170,8 @@ class GradientEstimator:
     ) -> FrameReport:
         predicted = self.mounting.world_from_camera(state, rate)
         masks = FrameMasks(self.camera, detections)
-        expected = in_view(self.camera, predicted, self.objects, self.config.association.max_distance_m)
+        near = self.known.around(predicted.translation)
+        expected = in_view(self.camera, predicted, near, self.config.association.max_distance_m)
         matched = associate(masks, predicted, expected, self.config.association)
         names, weight = self.keypoint_names, self.config.gradient_keypoint_weight
         losses = [

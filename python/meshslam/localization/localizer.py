@@ -18,10 +18,10 @@ from meshslam.initialization import EstimationConfig, FirstFrames, settling_seco
 from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
-from meshslam.localization.map_models import known_objects
+from meshslam.localization.map_models import KnownMap
 from meshslam.localization.relocalization import MapStart, start_in_map
 from meshslam.localization.stream import Stream
-from meshslam.maps import Map
+from meshslam.maps import Map, TiledMap
 from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
 from meshslam.perception import Detection, FramePerception, KeypointConfig, Segmenter, SegmenterConfig, TrackerConfig
 from meshslam.plausibility import RatesBySight
@@ -114,7 +114,7 @@ class Localizer:
     def __init__(
         self,
         camera: Camera,
-        map: Map,
+        map: Map | TiledMap,
         *,
         imu_from_camera: Pose,
         start: InitialState | None = None,
@@ -133,7 +133,8 @@ class Localizer:
         Without a `start` the first seconds are looked for in the map. `source` is what messages call the stream.
         """
         self._settings, self._given_start, self._source = config or _DefaultSettings(), start, source
-        self._camera, self._imu_from_camera, self._objects = camera, imu_from_camera, known_objects(map)
+        self._camera, self._imu_from_camera = camera, imu_from_camera
+        self._known = KnownMap(map, self._settings.localization.association.max_distance_m)
         self._names = _shipped_names() if keypoint_names is None else {k: tuple(v) for k, v in keypoint_names.items()}
         settings = self._settings
         self._perception = FramePerception(
@@ -212,7 +213,7 @@ class Localizer:
         self._fill(arrays, self._stream.samples())
 
     @classmethod
-    def load(cls, path: Path | str, camera: Camera, map: Map, **told: Any) -> Localizer:  # noqa: ANN401 # as given
+    def load(cls, path: Path | str, camera: Camera, map: Map | TiledMap, **told: Any) -> Localizer:  # noqa: ANN401 # as given
         """Go on where `save` ended; `told` as when it was made. MapError if the file is none of its."""
         imu, arrays = read_archive(Path(path), FORMAT)
         localizer = cls(camera, map, **told)
@@ -251,7 +252,7 @@ class Localizer:
     def _fresh(self, estimation: EstimationConfig) -> LocalizationEstimator:
         mounting, config = Mounting(self._imu_from_camera), self._settings.localization
         return LocalizationEstimator(
-            self._camera, self._objects, mounting, self._names, estimation, config, keep_path=False
+            self._camera, self._known, mounting, self._names, estimation, config, keep_path=False
         )
 
     def _suffices(self) -> bool:
@@ -292,7 +293,7 @@ class Localizer:
         by_frame = {f.number: f.detections for f in self._waiting}
         tracked = [d for f in self._waiting for d in f.detections]
         seen = MapStart(frames, imu, self._imu_from_camera, by_frame, tracked, self._names)
-        return start_in_map(seen, self._objects, self._fresh, estimation, self._settings.localization)
+        return start_in_map(seen, self._known.all_of_few(), self._fresh, estimation, self._settings.localization)
 
     def _step(self, frame: _Frame) -> LocalizerState:
         assert self._estimator is not None

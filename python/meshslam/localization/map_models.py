@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from meshslam.errors import MapError
 from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose
-from meshslam.maps import Map, MapObject
+from meshslam.maps import Map, MapObject, TiledMap
 
 NEAR_M = 0.3
+_FEW = 1000
+_KEPT_M = 20.0  # tiles are kept so much farther than they are needed, so that none is read again and again
 _GRID_M = 0.15
 
 
@@ -91,8 +95,53 @@ def known_object(thing: MapObject) -> KnownObject:
     )
 
 
+@dataclass(eq=False)
+class KnownMap:
+    """The objects of a map that are ready: all of them, or, of a map in tiles, those around the camera."""
+
+    scene: Map | TiledMap
+    reach_m: float  # how far from the camera objects are looked for
+    to_from_map: Pose = field(default_factory=Pose.identity)  # into the world that the camera is looked for in
+    _tiles: OrderedDict[tuple[int, int], tuple[KnownObject, ...]] = field(default_factory=OrderedDict, repr=False)
+
+    def __post_init__(self) -> None:
+        if not len(self.scene):
+            raise MapError("the map holds no objects: there is nothing to localize against")
+        if isinstance(self.scene, Map):
+            self._all: tuple[KnownObject, ...] = self._ready(self.scene.objects)
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+    def around(self, position_m: Floats) -> tuple[KnownObject, ...]:
+        """Objects that a camera at a position (3,) could see, by ascending id; tiles behind it are dropped."""
+        if isinstance(self.scene, Map):
+            return self._all
+        place = self.to_from_map.inverse().transform(position_m[None])[0]
+        keys = self.scene.keys_around(place[:2], self.reach_m)
+        for key in keys:
+            if key not in self._tiles:
+                self._tiles[key] = self._ready(self.scene.tile(key))
+        for key in self._tiles.keys() - set(self.scene.keys_around(place[:2], self.reach_m + _KEPT_M)):
+            del self._tiles[key]
+        return tuple(sorted((thing for key in keys for thing in self._tiles[key]), key=lambda thing: thing.id))
+
+    def all_of_few(self) -> tuple[KnownObject, ...]:
+        """All objects, to look for a start among them; MapError where they are too many for that."""
+        if isinstance(self.scene, Map):
+            return self._all
+        if len(self.scene) > _FEW:
+            raise MapError(
+                f"{self.scene.folder}: a start is looked for among {_FEW} objects at most, the map has "
+                f"{len(self.scene)}: give initial_state.yaml, or a map of the part where the drive begins"
+            )
+        return tuple(sorted((o for t in self.scene.tiles() for o in self._ready(t)), key=lambda thing: thing.id))
+
+    def _ready(self, things: Sequence[MapObject]) -> tuple[KnownObject, ...]:
+        moved = (replace(t, world_from_object=self.to_from_map @ t.world_from_object) for t in things)
+        return tuple(known_object(thing) for thing in moved)
+
+
 def known_objects(scene: Map) -> tuple[KnownObject, ...]:
     """All objects of a map; MapError if it holds none."""
-    if not len(scene):
-        raise MapError("the map holds no objects: there is nothing to localize against")
-    return tuple(known_object(thing) for thing in scene.objects)
+    return KnownMap(scene, np.inf).around(np.zeros(3))

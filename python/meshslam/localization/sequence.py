@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Sequence as Rows
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,16 +13,15 @@ from meshslam.initialization import (
     EstimationConfig,
     FirstFrames,
     level_from_world,
-    moved_map,
     moved_path,
     moved_sequence,
 )
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator, PathEstimate
 from meshslam.localization.gradient_estimator import GradientEstimator
-from meshslam.localization.map_models import KnownObject, known_objects
+from meshslam.localization.map_models import KnownMap
 from meshslam.localization.relocalization import MapStart, start_in_map
-from meshslam.maps import Map, Trajectory, TrajectoryEstimate
+from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
 from meshslam.motion import Mounting, NavState, check_imu, inertial_path, start_state
 from meshslam.perception import Detection, DetectionSet, track
 from meshslam.sequences import ImuSamples, Sequence, turns
@@ -32,7 +30,7 @@ from meshslam.sequences import ImuSamples, Sequence, turns
 class PathEstimator(Protocol):
     """Finds the camera of one frame after the other in a map."""
 
-    objects: Rows[KnownObject]
+    known: KnownMap
     path: dict[int, Pose]
     moved: dict[int, int]
 
@@ -88,7 +86,7 @@ class Localization:
 def localize_sequence(
     sequence: Sequence,
     detections: DetectionSet,
-    scene: Map,
+    scene: Map | TiledMap,
     estimation: EstimationConfig,
     config: LocalizationConfig,
     progress: Callable[[str, int, int], None] | None = None,
@@ -100,20 +98,20 @@ def localize_sequence(
     """
     imu, imu_from_camera = check_imu(sequence, estimation.imu)
     level = level_from_world(sequence, imu, imu_from_camera)
-    sequence, objects = moved_sequence(sequence, level), known_objects(moved_map(scene, level))
+    sequence, known = moved_sequence(sequence, level), KnownMap(scene, config.association.max_distance_m, level)
     mounting, back = Mounting(imu_from_camera), level.inverse()
     names, by_frame = {c.name: c.keypoints for c in detections.categories}, detections.by_frame()
 
     def fresh(settings: EstimationConfig) -> LocalizationEstimator:
-        return LocalizationEstimator(sequence.camera, objects, mounting, names, settings, config)
+        return LocalizationEstimator(sequence.camera, known, mounting, names, settings, config)
 
     if sequence.initial_state is None and sequence.world_from_camera is None:
         tracked = track(detections, None, turn=turns(sequence)).detections
         given = MapStart(FirstFrames.of(sequence), imu, imu_from_camera, by_frame, tracked, names)
-        start, estimation = start_in_map(given, objects, fresh, estimation, config, progress)
+        start, estimation = start_in_map(given, known.all_of_few(), fresh, estimation, config, progress)
     else:
         start = start_state(sequence, imu, imu_from_camera)
-    estimator = SOLVERS[config.solver](sequence.camera, objects, mounting, names, estimation, config)
+    estimator = SOLVERS[config.solver](sequence.camera, known, mounting, names, estimation, config)
     reports: list[FrameReport] = []
     for index, frame in enumerate(sequence.frame_ids):
         found = by_frame.get(frame, ())
@@ -167,7 +165,7 @@ def _figures(estimator: PathEstimator, reports: list[FrameReport], imu_from_came
     turn = imu_from_camera.rotation.T @ mounting.imu_from_camera.rotation
     return {
         "frames": len(reports),
-        "objects_in_map": len(estimator.objects),
+        "objects_in_map": len(estimator.known),
         "objects_seen": len({number for report in reports for number in report.object_of_detection.values()}),
         "objects_moved": len(estimator.moved),
         "views_used": sum(len(report.object_of_detection) for report in reports),

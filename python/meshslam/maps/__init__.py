@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from meshslam.maps.objects import MapObject
     from meshslam.maps.ply import PlyMesh, format_ply
     from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
+    from meshslam.maps.tile_index import TileEntry, TileIndex
+    from meshslam.maps.tiled_map import TILE_M, TiledMap
     from meshslam.maps.trajectory import Trajectory
     from meshslam.maps.trajectory_estimate import TrajectoryEstimate
 else:
@@ -26,6 +28,8 @@ else:
             "objects": "MapObject",
             "ply": "PlyMesh format_ply",
             "run_directory": "FRAMES INDEX RunDirectory",
+            "tile_index": "TileEntry TileIndex",
+            "tiled_map": "TILE_M TiledMap",
             "trajectory": "Trajectory",
             "trajectory_estimate": "TrajectoryEstimate",
         },
@@ -34,11 +38,15 @@ else:
 __all__ = [
     "FRAMES",
     "INDEX",
+    "TILE_M",
     "CameraPath",
     "Map",
     "MapObject",
     "PlyMesh",
     "RunDirectory",
+    "TileEntry",
+    "TileIndex",
+    "TiledMap",
     "Trajectory",
     "TrajectoryEstimate",
     "format_ply",

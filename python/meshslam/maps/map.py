@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from meshslam.maps.manifest import MESHES, written_meshes
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
 from meshslam.sequences import LARGEST
+
+if TYPE_CHECKING:
+    from meshslam.maps.tiled_map import TiledMap
 
 Made = TypeVar("Made")
 FORMAT, VERSION = "meshslam-map", 1
@@ -87,14 +90,33 @@ class Map(Mapping[int, MapObject]):
             if folder / name not in files:
                 (folder / name).unlink(missing_ok=True)
 
+    def near(self, position_m: Floats, radius_m: float) -> tuple[MapObject, ...]:
+        """Objects whose centres are within `radius_m` of a position, (2,) on the ground or (3,), by ascending id."""
+        at = checked_place(position_m, radius_m)
+        away = [thing.world_from_object.translation[: len(at)] - at for thing in self.objects]
+        return tuple(t for t, d in zip(self.objects, away, strict=True) if np.linalg.norm(d) <= radius_m)
+
+    @staticmethod
+    def open(path: Path | str, *, allow_outside: bool = False) -> Map | TiledMap:
+        """A map as it is on disk: one in tiles is read where it is asked (TiledMap), any other is loaded."""
+        from meshslam.maps.tiled_map import TiledMap
+
+        return TiledMap.open(path) if TiledMap.is_at(path) else Map.load(path, allow_outside=allow_outside)
+
     @staticmethod
     def load(path: Path | str, *, allow_outside: bool = False) -> Map:
-        """Read a run directory, its map.json, or an objects.json; MapError naming the file, the object and the key.
+        """Read a run directory, its map.json, an objects.json, or all of a map in tiles.
+
+        MapError names the file, the object and the key.
 
         Meshes outside the file's folder are read with `allow_outside` only, so that a map from elsewhere opens nothing
         but its own files.
         """
+        from meshslam.maps.tiled_map import TiledMap
+
         path = Path(path)
+        if TiledMap.is_at(path):
+            return TiledMap.open(path).loaded()
         file = map_file(path)
         document = _read_json(file)
         entries = document.get("objects")
@@ -105,6 +127,14 @@ class Map(Mapping[int, MapObject]):
             raise MapError(f"{file}: format: found {found}, expected {FORMAT!r} version {VERSION}")
         objects = tuple(_read_entry(file, i, entry, allow_outside=allow_outside) for i, entry in enumerate(entries))
         return _named(file, lambda: Map(objects))
+
+
+def checked_place(position_m: Floats, radius_m: float) -> Floats:
+    """A position of two or three numbers; MapError for anything else, or a radius that is none."""
+    at = np.asarray(position_m, float)
+    if at.shape not in ((2,), (3,)) or not np.isfinite(at).all() or not radius_m >= 0:
+        raise MapError(f"near: expected a position of 2 or 3 finite numbers and a radius, found {at}, {radius_m}")
+    return at
 
 
 def _named(file: Path, make: Callable[[], Made]) -> Made:

@@ -9,7 +9,7 @@ from typing import Any
 
 from meshslam.errors import MapError, SequenceError
 from meshslam.evaluation import evaluate_run
-from meshslam.maps import Map, Trajectory, TrajectoryEstimate
+from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
 from meshslam.object_slam import SlamResult
 from meshslam.perception import DetectionSet, our_names
 from meshslam.runs import stages
@@ -83,7 +83,7 @@ def map_drive(
 
 def localize(
     drive: Drive,
-    map: Map | str | Path,
+    map: Map | TiledMap | str | Path,
     *,
     segmenter: str | Path | None = None,
     adapter: str | Path | None = None,
@@ -96,10 +96,10 @@ def localize(
 ) -> LocalizeResult:
     """Find the camera of every frame in a map of meshes, by IMU, masks and key points; poses are not needed.
 
-    `map` is a Map, a run's folder, its map.json, or an objects.json. Everything else is as for `map_drive`; the
-    recording needs an IMU of 50 Hz or more. The result is in the map's world: metres, seconds. MapError if the map
-    cannot be read; SequenceError if the recording is damaged, has no IMU, or does not show where it starts in the map;
-    DetectionError or ModelError if detections or network cannot be used.
+    `map` is a Map, a TiledMap, a run's folder, its map.json, an objects.json, or the folder of a map in tiles.
+    Everything else is as for `map_drive`; the recording needs an IMU of 50 Hz or more. The result is in the map's
+    world: metres, seconds. MapError if the map cannot be read; SequenceError if the recording is damaged, has no IMU,
+    or does not show where it starts in the map; DetectionError or ModelError if detections or network cannot be used.
 
     Example:
         path = meshslam.localize("drive2", "run1", segmenter="yolov5n-seg.onnx").trajectory
@@ -109,7 +109,7 @@ def localize(
     clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
     recording, settings, outlet = _opened(drive, seen, None, config, progress, log)
-    scene = map if isinstance(map, Map) else Map.load(Path(map), allow_outside=settings.input.allow_outside)
+    scene = map if isinstance(map, Map | TiledMap) else Map.open(Path(map), allow_outside=settings.input.allow_outside)
     found = localize_recording(recording, scene, settings, outlet, clock)
     path, inertial = (Trajectory(recording.times_s, p) for p in (found.world_from_camera, found.inertial))
     figures = stages.run_figures(found.figures, len(recording), clock)

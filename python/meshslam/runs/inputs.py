@@ -8,7 +8,7 @@ from pathlib import Path
 from meshslam.categories import load_category
 from meshslam.errors import ModelError
 from meshslam.files import digest_of, digest_of_file
-from meshslam.maps import Map
+from meshslam.maps import Map, TiledMap
 from meshslam.perception import adapter_beside, find_model
 from meshslam.runs.commands import uses
 from meshslam.runs.config import Config
@@ -27,7 +27,8 @@ def input_digests(command: str, recording: Sequence, settings: Config) -> dict[s
     if given is not None and chosen.segmenter is None and given.is_file():
         found["detections"] = digest_of_file(given)
     if uses(command, "input.map") and chosen.map is not None:
-        found["map"] = digest_of(Map.load(Path(chosen.map), allow_outside=chosen.allow_outside).objects)
+        scene = Map.open(Path(chosen.map), allow_outside=chosen.allow_outside)
+        found["map"] = scene.digest if isinstance(scene, TiledMap) else digest_of(scene.objects)
     return found
 
 

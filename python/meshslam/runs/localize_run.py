@@ -8,7 +8,7 @@ from pathlib import Path
 from meshslam.errors import MapError
 from meshslam.evaluation import evaluate_run
 from meshslam.localization import Localization, LocalizedFrame, localize_sequence
-from meshslam.maps import Map, RunDirectory, Trajectory
+from meshslam.maps import Map, RunDirectory, TiledMap, Trajectory
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
@@ -25,17 +25,19 @@ from meshslam.sequences import Sequence, camera_yaml
 
 def localize_recording(
     recording: Sequence,
-    scene: Map,
+    scene: Map | TiledMap,
     settings: Config,
     outlet: Outlet,
     clock: Clock,
     run: RunDirectory | None = None,
 ) -> Localization:
-    """Judge, perceive, localize."""
+    """Judge, perceive, localize; of a map in tiles only those around the camera are read."""
     recording, findings = judge_recording(recording, poses=False, imu=True)
-    say(findings + judge_map(scene, settings.input.map or "the map"), outlet)
+    judged = judge_map(scene, settings.input.map or "the map") if isinstance(scene, Map) else []
+    say(findings + judged, outlet)
     logged = LoggedRun.begin(recording, outlet)
-    logged.objects(scene.objects)
+    if isinstance(scene, Map):
+        logged.objects(scene.objects)
     with clock.timing("perception"):
         found = perceive(recording, settings, outlet, run, logged.perceived).detections
     say(judge_sight(recording, found), outlet)
@@ -52,8 +54,14 @@ def localize_recording(
         given = (recording, found, scene, settings.estimation, settings.localization)
         result = localize_sequence(*given, outlet.progress, on_frame)
     path = Trajectory(recording.times_s, result.world_from_camera)
-    logged.result(scene, path, result.detections, result.estimate)
+    logged.result(map_along(scene, path, settings), path, result.detections, result.estimate)
     return result
+
+
+def map_along(scene: Map | TiledMap, path: Trajectory, settings: Config) -> Map:
+    """The map, or of one in tiles the part that the camera could see."""
+    reach_m = settings.localization.association.max_distance_m
+    return scene if isinstance(scene, Map) else scene.along(path.positions_in_world, reach_m)
 
 
 def run_localize(
@@ -62,14 +70,17 @@ def run_localize(
     """Localize, save, evaluate, report, into a run directory: what is there already is not done again."""
     if settings.input.map is None:
         raise MapError("no map is named: give --map with a run, its map.json, or an objects.json")
-    scene = Map.load(Path(settings.input.map), allow_outside=settings.input.allow_outside)
+    scene = Map.open(Path(settings.input.map), allow_outside=settings.input.allow_outside)
     with stages.begin("localize", settings, out, outlet, overwrite=overwrite) as begun:
         if begun.figures is not None:
-            log_run_directory(begun, outlet, scene)
+            path = Trajectory.load(begun.run.path("trajectory.tum"))
+            log_run_directory(begun, outlet, map_along(scene, path, settings))
         return begun.figures or _localize_into(begun, scene, settings, outlet, clock or Clock())
 
 
-def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
+def _localize_into(
+    begun: stages.Begun, scene: Map | TiledMap, settings: Config, outlet: Outlet, clock: Clock
+) -> dict[str, float]:
     """The same where the run is not there yet."""
     recording, run = begun.recording, begun.run
     result = localize_recording(recording, scene, settings, outlet, clock, run)
@@ -77,7 +88,8 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     names = ("camera.yaml", "trajectory.tum", "detections.json", "left_out.json", "report.html", "metrics.json")
     run.announce(*names)
     run.save("camera.yaml", camera_yaml(recording.camera, None, mounted, height))
-    run.save("trajectory.tum", Trajectory(recording.times_s, result.world_from_camera).to_tum())
+    path = Trajectory(recording.times_s, result.world_from_camera)
+    run.save("trajectory.tum", path.to_tum())
     sigmas = stages.save_estimate(result.estimate, run, outlet)
     run.save("detections.json", stages.written(recording, result.detections))
     save_refused_views(result, run, outlet)
@@ -86,5 +98,6 @@ def _localize_into(begun: stages.Begun, scene: Map, settings: Config, outlet: Ou
     figures = stages.run_figures(result.figures, len(recording), clock) | sigmas
     figures |= evaluate_run(recording.root, run.folder) | paths_against_truth(recording, paths)
     drawn = {"IMU alone": result.inertial}
-    figures = save_localization_report(recording, scene, result, figures, run, drawn, clock, outlet)
+    seen = map_along(scene, path, settings)
+    figures = save_localization_report(recording, seen, result, figures, run, drawn, clock, outlet)
     return stages.end(begun, figures, outlet)

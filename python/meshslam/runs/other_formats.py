@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from meshslam.errors import MeshslamError
+from meshslam.errors import MapError, MeshslamError
 from meshslam.exporting import FORMATS, FinishedRun, GeoOrigin, check_format, export_content
 from meshslam.geometry import Bytes
 from meshslam.runs.opening import open_input
@@ -38,7 +38,9 @@ def export_run(
         check_format(name, origin)
     folder = Path(folder)
     run, notes = FinishedRun.load(folder), list[str]()
-    if images and any(FORMATS[name].takes_images for name in formats):
+    if run.tiled is not None:
+        _refuse_without_path(folder, formats)
+    elif images and any(FORMATS[name].takes_images for name in formats):
         run, said = _with_images(run, folder)
         notes += said
     notes += run.notes
@@ -46,10 +48,19 @@ def export_run(
     for done, name in enumerate(formats):
         progress("export", done, len(formats))
         target = _target(folder, name, out, alone=len(formats) == 1)
-        notes += export_content(run, name, target, origin, overwrite=overwrite)
+        content = run if FORMATS[name].in_tiles else run.whole()
+        notes += export_content(content, name, target, origin, overwrite=overwrite)
         written[name] = target
     progress("export", len(formats), len(formats))
     return written, tuple(notes)
+
+
+def _refuse_without_path(folder: Path, formats: Sequence[str]) -> None:
+    """MapError for formats that a map in tiles has too little for."""
+    for name in formats:
+        if not FORMATS[name].of_map:
+            possible = ", ".join(known for known, found in FORMATS.items() if found.of_map)
+            raise MapError(f"{folder}: is a map in tiles, without a path: --format {name} needs one; {possible} do not")
 
 
 def _target(folder: Path, name: str, out: Path | str | None, *, alone: bool) -> Path:
