@@ -1,6 +1,6 @@
 """Live SLAM against the offline command: does every frame have its pose in time, and is the path as good?
 
-    python benchmarks/live.py SEQUENCE OUT [--truth POSES] [--rounds 3] [-- FLAGS OF slam]
+    python benchmarks/live.py SEQUENCE OUT [--truth POSES] [--rounds 3] [--record CASE] [-- FLAGS OF slam]
 
 Runs `meshslam slam` once and `meshslam slam --live` some times, one after the other on an idle machine, and prints for
 each: poses in time, what the network reached, end error and aligned ATE against the truth (KITTI's poses of the whole
@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from results import record
 
 from meshslam.maps import Trajectory
 from meshslam.sequences import read_path
@@ -74,6 +75,7 @@ def main() -> None:
     parser.add_argument("--truth", type=Path, help="KITTI's NN.txt or TUM; groundtruth.tum of the sequence without it")
     parser.add_argument("--times", type=Path, help="times of KITTI's poses")
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--record", help="write the live runs' figures to docs/results.json under this name")
     own, _, flags = " ".join(sys.argv[1:]).partition(" -- ")
     chosen = parser.parse_args(own.split())
     times_s, poses = read_path(chosen.truth or chosen.sequence / "groundtruth.tum", chosen.times)
@@ -83,11 +85,14 @@ def main() -> None:
     length_m, end, ate_m = errors(chosen.out / "offline", truth)
     print(f"{'':9} end error %  aligned ATE m  p50 / p95 / max s  segmented  taken in  start s  memory by thirds MiB")
     print(f"offline   {end:11.2f} {ate_m:14.3f}   ({length_m:.0f} m)")
+    kept: dict[str, list[float]] = {"latency_p95_s": [], "end_error_percent": []}
     for k in range(chosen.rounds):
         folder = chosen.out / f"live{k}"
         memory = run([*base, str(folder), "--live"])
         _, end, ate_m = errors(folder, truth)
         f = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        kept["latency_p95_s"].append(f["live_latency_p95_s"])
+        kept["end_error_percent"].append(end)
         spans = np.array_split(np.array([mb for _, mb in memory if mb]), 3)
         thirds = " / ".join(f"{span.max():.0f}" for span in spans if len(span))
         latency = " / ".join(f"{f[f'live_latency_{key}_s']:.3f}" for key in ("median", "p95", "max"))
@@ -95,6 +100,8 @@ def main() -> None:
             f"live {k}    {end:11.2f} {ate_m:14.3f}   {latency}   {f['live_segmented_share']:.2f}       "
             f"{f['live_frames_taken_in']}/{f['live_frames']}   {f['live_start_work_s']:.2f}     {thirds}"
         )
+    if chosen.record:
+        record(chosen.record, "benchmarks/live.py", kept)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Localization and SLAM on KITTI 06's real IMU and path among real car models: cases, runs, independent scores.
 
-    .venv/bin/python benchmarks/localize.py [--quick] [--only NAME] [--work FOLDER]
+    .venv/bin/python benchmarks/localize.py [--quick] [--only NAME] [--work FOLDER] [--record]
 
 Needs the data and tools that `$MESHSLAM_DATA` names (default ../shared/data, its tools beside it).
 """
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from results import record
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -165,8 +166,8 @@ def slam_cases(*, quick: bool) -> Iterator[tuple[str, tuple[object, ...]]]:
             yield f"slam {start} {seed}", ("--start", start, "--frames", 70, "--cars", 6, "--seed", seed)
     if not quick:
         everything = ("--start", 0, "--frames", 1100, "--cars", 120)
-        yield "slam all of 06", everything
-        yield "slam all of 06, no ids", (*everything, "--no-ids")
+        yield "slam, whole drive", everything
+        yield "slam, whole drive, no ids", (*everything, "--no-ids")
 
 
 def main() -> None:
@@ -175,22 +176,24 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "benchmarks" / "out" / "localize")
     parser.add_argument("--quick", action="store_true", help="one start only")
     parser.add_argument("--only", default="", help="cases whose name holds this")
+    parser.add_argument("--record", action="store_true", help="write the figures to docs/results.json")
     a = parser.parse_args()
     a.work.mkdir(parents=True, exist_ok=True)
+    table = Table(a.record)
     titles = {"case": 32, "ATE m": 7, "aligned %": 9, "rot deg": 7, "end %": 6, "IMU m": 7, "frames/s": 8}
     print(" ".join(f"{title:{'<' if title == 'case' else '>'}{width}s}" for title, width in titles.items()) + "  poses")
     for name, case, scene, flags in localization_jobs(a.work, a.quick):
         if a.only in name:
             out = a.work / "runs" / name.replace(" ", "_")
             figures = run("localize", case, "--map", scene, "--out", out, *flags)
-            show(name, score(case, out)["trajectory"], figures)
+            table.show(name, score(case, out)["trajectory"], figures)
     for name, arguments in slam_cases(quick=a.quick):
         if a.only in name:
             case, out = make(a.work / name.replace(" ", "_"), *arguments), a.work / "runs" / name.replace(" ", "_")
             figures = run("slam", case, "--out", out)
             scores = score(case, out, "--align")
-            show(name, scores["trajectory"], figures)
             cars = scores["objects"]
+            table.show(name, scores["trajectory"], figures, cars)
             print(
                 f"{'':32s} voxel IoU of all, aligned: {cars['voxel_iou_mean_all']:.3f}; cars {cars['matched']:.0f} of "
                 f"{cars['true']:.0f}, twice {cars['duplicates']:.0f}, known again {figures['loop_closures']:.0f}"
@@ -199,22 +202,53 @@ def main() -> None:
         if a.only in name:
             out = a.work / "runs" / name.replace(" ", "_").replace(",", "")
             figures = run("slam", case, "--out", out, *flags)
-            show(name, score(case, out)["trajectory"], figures)
+            table.show(name, score(case, out)["trajectory"], figures)
     if not a.only or a.only.startswith("real"):
         for name, truth, out, figures in real_slam(a.work):
-            show(name, score(truth, out)["trajectory"], figures)
+            table.show(name, score(truth, out)["trajectory"], figures)
 
 
-def show(name: str, path: dict[str, float], figures: dict[str, float]) -> None:
-    """One row."""
-    rate = figures["frames"] / figures["seconds_localization"]
-    poses = f"{path['poses']} of {path['of']}"
-    aligned = 100 * path["ate_aligned_rmse_m"] / path["path_m"]
-    print(
-        f"{name:32s} {path['ate_rmse_m']:7.3f} {aligned:9.2f} {path['rotation_rmse_deg']:7.3f} "
-        f"{path['end_error_percent']:6.2f} {figures.get('ate_initial_rmse_m', np.nan):7.3f} {rate:8.1f}  {poses}",
-        flush=True,
-    )
+class Table:
+    """Rows as they come; with `keep`, also in docs/results.json, the starts of one kind together."""
+
+    def __init__(self, keep: bool) -> None:
+        self.keep = keep
+        self.kinds: dict[str, dict[str, list[float]]] = {}
+
+    def show(
+        self, name: str, path: dict[str, float], figures: dict[str, float], cars: dict[str, float] | None = None
+    ) -> None:
+        """One row."""
+        rate = figures["frames"] / figures["seconds_localization"]
+        aligned = 100 * path["ate_aligned_rmse_m"] / path["path_m"]
+        print(
+            f"{name:32s} {path['ate_rmse_m']:7.3f} {aligned:9.2f} {path['rotation_rmse_deg']:7.3f} "
+            f"{path['end_error_percent']:6.2f} {figures.get('ate_initial_rmse_m', np.nan):7.3f} {rate:8.1f}  "
+            f"{path['poses']} of {path['of']}",
+            flush=True,
+        )
+        row = {
+            "ate_m": path["ate_rmse_m"],
+            "ate_aligned_percent": aligned,
+            "rotation_deg": path["rotation_rmse_deg"],
+            "end_error_percent": path["end_error_percent"],
+            "path_m": path["path_m"],
+            "ate_imu_alone_m": figures.get("ate_initial_rmse_m"),
+            "voxel_iou_aligned": cars and cars["voxel_iou_mean_all"],
+            "cars": cars and cars["true"],
+            "cars_found": cars and cars["matched"],
+            "cars_twice": cars and cars["duplicates"],
+        }
+        self._keep(name, {key: value for key, value in row.items() if value is not None})
+
+    def _keep(self, name: str, row: dict[str, float]) -> None:
+        if not self.keep:
+            return
+        kind = name.rstrip("0123456789 ") or name
+        rows = self.kinds.setdefault(kind, {key: [] for key in row})
+        for key, value in row.items():
+            rows.setdefault(key, []).append(value)
+        record(kind if kind.startswith(("slam", "real")) else f"localize {kind}", "benchmarks/localize.py", rows)
 
 
 if __name__ == "__main__":

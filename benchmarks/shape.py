@@ -1,6 +1,6 @@
 """How well shapes are recovered: rings of views of every car model and eight streets, by the independent scorer.
 
-    .venv/bin/python benchmarks/shape.py [--only ring1 ring8 street] [--seeds 2] [--config FILE] [--stages]
+    .venv/bin/python benchmarks/shape.py [--only ring1 ring8 street] [--seeds 2] [--config FILE] [--stages] [--record]
 
 Cases are made once under benchmarks/out/cases; needs the shared data ($MESHSLAM_DATA, or ../shared/data).
 """
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from results import record
 from scipy.spatial import KDTree
 
 from meshslam.categories import load_category
@@ -202,6 +203,7 @@ def main() -> None:
     parser.add_argument("--stages", action="store_true", help="also score the map after each stage")
     parser.add_argument("--each", action="store_true", help="also print each case")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--record", action="store_true", help="write the figures to docs/results.json")
     a = parser.parse_args()
 
     os.environ["OMP_NUM_THREADS"] = "1"
@@ -222,6 +224,10 @@ def main() -> None:
                 if a.each:
                     print(name, stage, {k: v for k, v in row.items() if k != "objects"}, flush=True)
     figures = {key: pooled(rows) for key, rows in table.items()}
+    if a.record:
+        for (group, stage), row in figures.items():
+            if stage == "free form":
+                record(f"shape {group}", f"benchmarks/shape.py --seeds {a.seeds}", row)
     print("| cameras | stage | " + " | ".join(next(iter(figures.values()))) + " |")
     print("| --- " * (2 + len(next(iter(figures.values())))) + "|")
     for (group, stage), row in figures.items():
