@@ -1,4 +1,4 @@
-"""What a run can handle but its user should know: gaps of the IMU, a scale that little tells, long stretches without objects."""
+"""What a run can handle but its user should know: gaps of the IMU, a scale hardly known, stretches without objects."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def scale_notes(sequence: Sequence) -> list[str]:
         return []
     return [
         f"{sequence.root}: there is no IMU, and the camera's height above the ground is not known: the scale follows "
-        "from the sizes of cars alone, and parked cars may be taken for moving ones: measure the height, and give it as "
+        "from the sizes of cars alone, and parked cars may be taken for moving ones: measure the height, give it as "
         "height_above_ground_m in a camera.yaml"
     ]
 
