@@ -221,7 +221,7 @@ def live_slam(folder: Path) -> str:
     last = panels[-1]
     places = np.array([car.world_from_object.translation for car in last[2].values()])
     middle = 0.5 * (places.mean(0) + last[3].mean(0))
-    camera = Camera(640, 420, 960.0, 960.0, 319.5, 209.5)
+    camera = Camera(640, 420, 760.0, 760.0, 319.5, 209.5)
     view = looking(middle - [0, 0, 1.0], 44.0, 205.0, 36.0)
     tiles = []
     for time_s, image, cars, way in panels:
