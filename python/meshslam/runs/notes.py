@@ -37,7 +37,7 @@ def scale_notes(sequence: Sequence) -> list[str]:
         return []
     return [
         f"{sequence.root}: there is no IMU, and the camera's height above the ground is not known: the scale follows "
-        "from the sizes of cars alone, and parked cars may be taken for moving ones: measure it, and give "
+        "from the sizes of cars alone, and parked cars may be taken for moving ones: give the height, as "
         "height_above_ground_m in a camera.yaml"
     ]
 
