@@ -19,7 +19,11 @@ from meshslam.perception import ColourSegmenter
 from meshslam.simulation import StreetConfig, driven_again, make_street, write_recording
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "docs" / "live.md", *sorted((ROOT / "docs" / "python").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *(ROOT / "docs" / name for name in ("live.md", "covariances.md")),
+    *sorted((ROOT / "docs" / "python").glob("*.md")),
+]
 TEXTS = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASES.md", "STYLE.md")]
 TEXTS += sorted((ROOT / "docs").rglob("*.md"))
 CODE = ("python", "tests", "crates", "scripts", "benchmarks", "examples", "docs")

@@ -40,6 +40,15 @@ def test_every_program_is_checked_here_listed_in_the_readme_and_short():
 
 
 @pytest.mark.parametrize("name", sorted(CHECKED))
+def test_the_gallery_shows_every_program_with_its_picture(name):
+    docs = FOLDER.parent / "docs"
+    page = (docs / "examples.md").read_text(encoding="utf-8")
+    assert f"examples/{name}.py" in page
+    assert f"](assets/examples/{name}.jpg)" in page
+    assert (docs / "assets" / "examples" / f"{name}.jpg").stat().st_size < 400_000
+
+
+@pytest.mark.parametrize("name", sorted(CHECKED))
 def test_help_shows_how_to_run_it_on_data_of_ones_own(name, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [f"{name}.py", "--help"])
     with pytest.raises(SystemExit) as end:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.motion import ImuConfig
-from meshslam.runs import imu_notes, object_notes
+from meshslam.runs import imu_notes, object_notes, scale_notes
 from meshslam.sequences import ImuSamples
 
 
@@ -16,6 +16,7 @@ def without(imu, begin_s, end_s):
 def test_a_whole_recording_needs_no_note(drive, seen):
     assert imu_notes(drive, ImuConfig()) == []
     assert object_notes(drive, seen) == []
+    assert scale_notes(drive) == []
 
 
 @pytest.mark.parametrize(("begin", "end"), [(-1.0, 0.4), (0.5, 0.9), (1.1, 9.0)])
@@ -34,3 +35,10 @@ def test_frames_without_objects_are_said_with_their_numbers(drive, seen):
     assert "frames 2 to 13" in note
     (note,) = object_notes(drive, dataclasses.replace(seen, detections=()))
     assert "in any frame" in note
+
+
+def test_a_scale_that_follows_from_sizes_alone_is_said(drive):
+    images_alone = dataclasses.replace(drive, imu=None, height_above_ground_m=None)
+    (note,) = scale_notes(images_alone)
+    assert "height_above_ground_m in a camera.yaml" in note
+    assert scale_notes(dataclasses.replace(images_alone, height_above_ground_m=1.65)) == []

@@ -70,6 +70,7 @@ ADDED = (  # since 0.1
     "input.imu_time_offset_s",
     "input.poses",
     "input.poses_time_offset_s",
+    "input.poses_scale",
     "live.enabled",
     "live.rate",
     "live.deadline_s",

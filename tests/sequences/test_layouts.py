@@ -259,6 +259,20 @@ def test_offsets_of_clocks_are_taken_off(made):
     assert np.allclose(plain.imu.times_s - moved.imu.times_s, 0.02)
 
 
+def test_poses_of_any_scale_are_made_metres(made, tmp_path):
+    folder, _, options = made("frames")
+    plain = open_sequence(folder, **options)
+    found = open_sequence(folder, **options, poses_scale=2.5)
+    assert np.allclose(found.world_from_camera[2].translation, 2.5 * plain.world_from_camera[2].translation)
+    assert (found.world_from_camera[2].rotation == plain.world_from_camera[2].rotation).all()
+    with pytest.raises(SequenceError, match="--poses-scale, but no poses are known"):
+        open_sequence(folder, **{name: value for name, value in options.items() if name != "poses"}, poses_scale=2.5)
+    body = tmp_path / "body.yaml"
+    body.write_text(f"camera_from_body: {np.eye(4).tolist()}")
+    with pytest.raises(SequenceError, match="is in metres, so poses of a body must be, too"):
+        open_sequence(folder, **options, camera_from_body=body, poses_scale=2.5)
+
+
 def made_imu(folder):
     path = folder.parent / "imu.csv"
     rows = [f"{0.01 * k},0,0,0,0,0,9.81" for k in range(60)]

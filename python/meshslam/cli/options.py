@@ -82,6 +82,9 @@ RECORDING: dict[str, Any] = {  # what each command that opens a recording takes,
     "poses_time_offset": Annotated[
         float | None, typer.Option(help="Seconds by which the poses' clock is ahead of the camera's.")
     ],
+    "poses_scale": Annotated[
+        float | None, typer.Option(help="Metres of one unit of the poses, where they are of any scale: COLMAP's.")
+    ],
 }
 ConfigFile = Annotated[Path | None, typer.Option(help="YAML file with settings, such as a run's config.yaml.")]
 FramesInReport = Annotated[

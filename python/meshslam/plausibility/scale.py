@@ -32,7 +32,7 @@ def judge_scale(
         return []
     message = (
         f"{source}: by parallax {len(ratios)} objects stand {ratio:.2f} times as far away as their sizes say: the "
-        f"poses are not in metres (a monocular path has any scale): the factor is about {1 / ratio:.1f}"
+        f"poses are not in metres (a monocular path has any scale): --poses-scale {1 / ratio:.3g} makes them so, about"
     )
     return [Finding("poses_scale", message, figures={"scale": ratio, "tracks": len(ratios)})]
 

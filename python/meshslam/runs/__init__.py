@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from meshslam.runs.judging import check_recording
     from meshslam.runs.localize_run import run_localize
     from meshslam.runs.map_run import map_recording, run_map
-    from meshslam.runs.notes import imu_notes, object_notes
+    from meshslam.runs.notes import imu_notes, object_notes, scale_notes
     from meshslam.runs.opening import open_input
     from meshslam.runs.other_formats import export_run
     from meshslam.runs.outlet import Outlet
@@ -37,7 +37,7 @@ else:
             "judging": "check_recording",
             "localize_run": "run_localize",
             "map_run": "map_recording run_map",
-            "notes": "imu_notes object_notes",
+            "notes": "imu_notes object_notes scale_notes",
             "opening": "open_input",
             "other_formats": "export_run",
             "outlet": "Outlet",
@@ -79,6 +79,7 @@ __all__ = [
     "run_slam",
     "save_localization_report",
     "save_map_report",
+    "scale_notes",
     "segment_frames",
     "slam",
     "to_yaml",

@@ -22,6 +22,7 @@ RECORDING = (
     "input.poses_convention",
     "input.camera_from_body",
     "input.poses_time_offset_s",
+    "input.poses_scale",
 )
 _PERCEPTION = ("input.segmenter", "input.adapter", "input.category_names", "segmentation", "colour", "keypoints")
 _SEEN = (*RECORDING, "input.detections", *_PERCEPTION)

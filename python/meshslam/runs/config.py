@@ -52,6 +52,7 @@ class InputConfig(Settings):
     poses_time_offset_s: float = public(
         0.0, low=-1e10, high=1e10, doc="by which the poses' clock is ahead of the camera's"
     )
+    poses_scale: float = public(1.0, above=0, doc="metres of one unit of the poses: positions are multiplied by it")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a run can handle but its user should know: gaps of the IMU, long stretches without objects."""
+"""What a run can handle but its user should know: gaps of the IMU, a scale hardly known, stretches without objects."""
 
 from __future__ import annotations
 
@@ -29,6 +29,17 @@ def imu_notes(sequence: Sequence, config: ImuConfig) -> list[str]:
                 "the path follows from detections and images alone, and is poor where these are few"
             )
     return found
+
+
+def scale_notes(sequence: Sequence) -> list[str]:
+    """That nothing but the sizes of cars tells SLAM how long a metre is."""
+    if sequence.imu is not None or sequence.height_above_ground_m is not None:
+        return []
+    return [
+        f"{sequence.root}: there is no IMU, and the camera's height above the ground is not known: the scale follows "
+        "from the sizes of cars alone, and parked cars may be taken for moving ones: give the height, as "
+        "height_above_ground_m in a camera.yaml"
+    ]
 
 
 def object_notes(sequence: Sequence, detections: DetectionSet) -> list[str]:

@@ -50,6 +50,7 @@ def recording_options(chosen: InputConfig, *, use_imu: bool = True) -> Recording
         poses_convention=chosen.poses_convention,
         camera_from_body=_path(chosen.camera_from_body),
         poses_time_offset_s=chosen.poses_time_offset_s,
+        poses_scale=chosen.poses_scale,
         topics=read_topics(chosen.topics),
         selection=replace(read_selection(chosen.frames), from_s=chosen.from_s, to_s=chosen.to_s),
         use_imu=use_imu,

@@ -17,7 +17,7 @@ from meshslam.runs.judging import judge_recording, judge_sight, say
 from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.live_run import live_recording
 from meshslam.runs.logged_run import LoggedRun, log_run_directory
-from meshslam.runs.notes import imu_notes, object_notes
+from meshslam.runs.notes import imu_notes, object_notes, scale_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report
@@ -36,7 +36,8 @@ def slam_recording(
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run, logged.perceived)
     say([] if by_odometry else judge_sight(recording, seen.detections), outlet)
-    for note in imu_notes(recording, settings.estimation.imu) + object_notes(recording, seen.detections):
+    notes = imu_notes(recording, settings.estimation.imu) + ([] if by_odometry else scale_notes(recording))
+    for note in notes + object_notes(recording, seen.detections):
         outlet.note(note)
     with clock.timing("tracking"):
         # known poses beyond the first are not for SLAM, unless they are its odometry

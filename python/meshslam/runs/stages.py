@@ -84,8 +84,8 @@ def need_poses(recording: Sequence) -> tuple[Pose, ...]:
     """The known poses; SequenceError where there are none."""
     if recording.world_from_camera is None:
         raise SequenceError(
-            f"{recording.root}: mapping needs the camera's poses: poses.tum in a sequence folder, "
-            "OXTS in KITTI raw, poses/NN.txt in KITTI odometry; without poses `meshslam slam` finds path and objects"
+            f"{recording.root}: mapping needs the camera's poses: --poses FILE, or those of the layout "
+            "(docs/recordings.md); without poses `meshslam slam` finds path and objects"
         )
     return recording.world_from_camera
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from meshslam.errors import SequenceError
@@ -36,6 +36,7 @@ class RecordingOptions:
     poses_convention: Convention = "camera"
     camera_from_body: Path | None = None
     poses_time_offset_s: float = 0.0  # by which the poses' clock is ahead of the camera's
+    poses_scale: float = 1.0  # metres of one unit of the poses
     topics: Mapping[str, str] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
     use_imu: bool = True
@@ -49,10 +50,22 @@ def opened(loader: Loader, path: Path, given: RecordingOptions, report: Report) 
     found = loader.load(path, options, report)
     if given.poses is not None:
         found = with_poses(found, given.poses, options, given.poses_time_offset_s, report)
+    if given.poses_scale != 1.0:
+        found = _in_metres(found, given)
     if given.use_imu and (given.imu or given.imu_from_camera or given.imu_time_offset_s):
         number = given.camera_number if loader.name == "folder" else None
         found = with_imu(found, given.imu, given.imu_from_camera, number, given.imu_time_offset_s)
     return selected(found, given.selection, report)
+
+
+def _in_metres(found: Sequence, given: RecordingOptions) -> Sequence:
+    """The recording with its poses' positions times `poses_scale`."""
+    if found.world_from_camera is None:
+        raise SequenceError(f"{found.root}: --poses-scale, but no poses are known: --poses FILE gives them")
+    if given.camera_from_body is not None:
+        raise SequenceError(f"{given.camera_from_body}: is in metres, so poses of a body must be, too: scale the file")
+    scaled = (Pose(pose.rotation, given.poses_scale * pose.translation) for pose in found.world_from_camera)
+    return replace(found, world_from_camera=tuple(scaled))
 
 
 def load_options(loader: Loader, path: Path, given: RecordingOptions) -> LoadOptions:

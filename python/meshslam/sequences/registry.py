@@ -62,6 +62,7 @@ def open_sequence(
     poses_convention: Convention = "camera",
     camera_from_body: Path | str | None = None,
     poses_time_offset_s: float = 0.0,
+    poses_scale: float = 1.0,
     topics: Mapping[str, str] | None = None,
     frames: str | None = None,
     from_s: float | None = None,
@@ -73,17 +74,18 @@ def open_sequence(
     `camera_number` chooses among the cameras of a layout, or of the rig that `imu_from_camera` holds; `camera` is a
     file with the camera of recordings that have none, `size` (width, height) that of their images if it is another
     than the file's, `rate_hz` the number of frames a second where there are no times, `times` a file with the times
-    of a video's or folder's frames: one a line in seconds, or a CSV in s or ns. `detections_path`, a detections.json,
-    takes the place of the layout's own detections. `imu` is a CSV file and `imu_from_camera` a YAML or JSON file,
-    Kalibr's too; both take the place of the layout's own. `poses` is a file of poses (TUM, EuRoC, VINS, KITTI,
-    COLMAP's images.txt) in place of the layout's own. `poses_convention` says what it, or poses.tum, holds, where that
-    is not world_from_camera with z up: quaternion-first, camera-from-world, first-camera-world or body; with the file
-    `camera_from_body` it holds world_from_body. The clocks of IMU and poses are `…_time_offset_s` ahead of the
-    frames'. `scene` is one of a data set of several (nuScenes). `topics` name a bag's topics, such as
-    {"image": "/camera/image_raw"}. `frames`, `from_s` and `to_s` choose a part: FIRST:END:STRIDE by frame numbers, and
-    seconds after the first frame. Without `use_imu` a sequence folder's IMU is not read. SequenceError with the first
-    thing that is missing, unreadable or contradictory; what could be handled stands in `notes`. Truth files are not
-    opened.
+    of a video's or folder's frames: one a line in seconds, or a CSV in s or ns. `detections_path`, a
+    detections.json, takes the place of the layout's own detections. `imu` is a CSV file and `imu_from_camera` a
+    YAML or JSON file, Kalibr's too; both take the place of the layout's own. `poses` is a file of poses (TUM,
+    EuRoC, VINS, KITTI, COLMAP's images.txt) in place of the layout's own. `poses_convention` says what it, or
+    poses.tum, holds, where that is not world_from_camera with z up: quaternion-first, camera-from-world,
+    first-camera-world or body; with the file `camera_from_body` it holds world_from_body. The clocks of IMU and
+    poses are `…_time_offset_s` ahead of the frames'. `poses_scale` is what positions are multiplied by to be
+    metres. `scene` is one of a data set of several (nuScenes). `topics` name a bag's topics, such as {"image":
+    "/camera/image_raw"}. `frames`, `from_s` and `to_s` choose a part: FIRST:END:STRIDE by frame numbers, and
+    seconds after the first frame. Without `use_imu` a sequence folder's IMU is not read. SequenceError with the
+    first thing that is missing, unreadable or contradictory; what could be handled stands in `notes`. Truth files
+    are not opened.
 
     Example:
         drive = meshslam.open_sequence("06", imu="imu/06.csv", imu_from_camera="camera_from_imu.json")
@@ -108,6 +110,7 @@ def open_sequence(
         poses_convention=poses_convention,
         camera_from_body=_path(camera_from_body),
         poses_time_offset_s=poses_time_offset_s,
+        poses_scale=poses_scale,
         topics=topics or {},
         selection=replace(read_selection(frames), from_s=from_s, to_s=to_s),
         use_imu=use_imu,
