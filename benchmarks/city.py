@@ -10,6 +10,7 @@ names (default ../shared/data, its tools beside it).
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import subprocess
@@ -23,12 +24,14 @@ from localize import COMMAND, ROOT, make, run, score
 from results import record
 
 from meshslam.categories import load_category
+from meshslam.files import arrays_to_bytes
 from meshslam.geometry import Pose
-from meshslam.maps import Map, MapObject, TiledMap
+from meshslam.maps import Map, MapObject, TiledMap, TileEntry
+from meshslam.maps.tile import Tile
 
 BLOCK_M, ROW_M, ROWS = 100.0, 50.0, 2  # a tile has two streets, each with cars on both sides
-PER_TILE = 32
-AT_ONCE = 200  # tiles that are written together
+PER_TILE = 60
+DRAWN_TILES = 50
 CAR = load_category("car")
 DRIVE_M = 400.0  # cars of other streets keep so far from the case
 
@@ -75,23 +78,36 @@ def tiles_around(count: int, path: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 def build(folder: Path, own: Map, path: np.ndarray, cars: int) -> TiledMap:
-    """The city with the case's cars in it; built once."""
-    if TiledMap.is_at(folder) and len(TiledMap.open(folder)) >= cars:
+    """The city with the case's cars in it; built once: some tiles of cars are drawn, and laid again and again."""
+    if TiledMap.is_at(folder):
         return TiledMap.open(folder)
-    city, began_s, rng = TiledMap.create(folder), time.monotonic(), np.random.default_rng(1)
-    city.put(own.objects)
-    waiting, made = [], len(own)
-    for column, row in tiles_around(cars // PER_TILE + 1, path):
-        count = min(PER_TILE, cars - made)
-        waiting += drawn_cars(1000 + made, count, column, row, rng)
-        made += count
-        if len(waiting) >= AT_ONCE * PER_TILE or made == cars:
-            city.put(waiting)
-            waiting = []
-            print(f"  {made} cars after {time.monotonic() - began_s:.0f} s", flush=True)
-        if made == cars:
+    began_s, rng = time.monotonic(), np.random.default_rng(1)
+    city = TiledMap.create(folder)
+    drawn = [drawn_cars(0, PER_TILE, 0, 0, rng) for _ in range(min(DRAWN_TILES, cars // PER_TILE + 1))]
+    city.put([*own.objects, *drawn_cars(999, 1, 10**4, 10**4, rng)])  # one far away, for the category's file
+    packed = [(tile, tile.to_bytes()[1]) for tile in (Tile.of(things, {"car": CAR}) for things in drawn)]
+    made = len(own)
+    for key in tiles_around(cars // PER_TILE + 1, path):
+        if made >= cars:
             break
-    return city
+        city.index.entries[key] = laid(*packed[rng.integers(len(packed))], key, 1000 + made, city.folder)
+        made += PER_TILE
+    (folder / "city.json").write_bytes(city.index.to_bytes())
+    print(f"  {made} cars made in {time.monotonic() - began_s:.0f} s", flush=True)
+    return TiledMap.open(folder)
+
+
+def laid(tile: Tile, meshes: bytes, key: tuple[int, int], first_id: int, folder: Path) -> TileEntry:
+    """Write a tile's cars into another tile, as others."""
+    shift = np.array([BLOCK_M * key[0], BLOCK_M * key[1], 0.0])
+    columns = {"id": tile.table["id"] + first_id, "position": tile.table["position"] + shift}
+    contents = arrays_to_bytes({**tile.table, **columns}), meshes
+    digests = [hashlib.blake2b(content, digest_size=16).hexdigest() for content in contents]
+    names = [f"{key[0]}_{key[1]}.{d[:12]}.{kind}.npz" for d, kind in zip(digests, ("objects", "meshes"), strict=True)]
+    for name, content in zip(names, contents, strict=True):
+        (folder / "tiles" / name).write_bytes(content)
+    last_id = first_id + len(tile) - 1
+    return TileEntry(*key, len(tile), first_id, last_id, *names, *digests, sum(map(len, contents)))
 
 
 def opened_s(folder: Path) -> float:

@@ -1,9 +1,12 @@
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from meshslam.errors import MeshslamError
 from meshslam.evaluation import evaluate_run, read_truth
+from meshslam.geometry import Pose
 
 
 def test_without_truth_there_are_no_figures(write_truth, write_run, true_cars, random_path):
@@ -17,16 +20,24 @@ def test_without_results_there_are_no_figures(write_truth, write_run, true_cars,
 
 def test_keys_are_those_of_the_contract(write_truth, write_run, true_cars, random_path):
     path = random_path()
+    found = replace(path, world_from_camera=tuple(p @ Pose(np.eye(3), np.full(3, 0.1)) for p in path.world_from_camera))
+    case, run = write_truth(true_cars, {thing.id: 6 for thing in true_cars}, path), write_run(true_cars, found)
+    assert set(evaluate_run(case, run)) == {*OF_OBJECTS, "ate_rmse_m", "end_error_percent"}
+
+
+OF_OBJECTS = {
+    "voxel_iou_mean",
+    "voxel_iou_category_model",
+    "centre_error_median_m",
+    "yaw_error_median_deg",
+    "recall",
+}
+
+
+def test_a_path_that_was_given_is_not_scored(write_truth, write_run, true_cars, random_path):
+    path = random_path()
     case, run = write_truth(true_cars, {thing.id: 6 for thing in true_cars}, path), write_run(true_cars, path)
-    assert set(evaluate_run(case, run)) == {
-        "voxel_iou_mean",
-        "voxel_iou_category_model",
-        "centre_error_median_m",
-        "yaw_error_median_deg",
-        "recall",
-        "ate_rmse_m",
-        "end_error_percent",
-    }
+    assert set(evaluate_run(case, run)) == OF_OBJECTS
 
 
 def test_truth_without_association_counts_every_object(write_truth, write_run, true_cars):
