@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
     from meshslam.runs.slam_run import run_slam
     from meshslam.runs.stages import metrics_json
+    from meshslam.runs.steps import DETECT, RUNS, TRACK, Step, run_step
     from meshslam.runs.truth import paths_against_truth
 else:
     __getattr__ = deferred(
@@ -46,16 +47,21 @@ else:
             "settings": "configured overlaid read_config read_yaml to_yaml",
             "slam_run": "run_slam",
             "stages": "metrics_json",
+            "steps": "DETECT RUNS TRACK Step run_step",
             "truth": "paths_against_truth",
         },
     )
 
 __all__ = [
+    "DETECT",
+    "RUNS",
+    "TRACK",
     "Clock",
     "Config",
     "InputConfig",
     "Measurable",
     "Outlet",
+    "Step",
     "check_recording",
     "compare_cars",
     "compare_runs",
@@ -77,6 +83,7 @@ __all__ = [
     "run_localize",
     "run_map",
     "run_slam",
+    "run_step",
     "save_localization_report",
     "save_map_report",
     "segment_frames",
