@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,6 +36,19 @@ def locked(path: Path, what: str, error: type[MeshslamError] = MapError) -> Iter
         yield
     finally:
         _release(path)
+
+
+def wait_until_free(path: Path, up_to_s: float = 30.0) -> None:
+    """Wait while a living process holds a lock, but no longer than that: one that was killed may still be ending."""
+    end_s = time.monotonic() + up_to_s
+    while time.monotonic() < end_s:
+        try:
+            holder = _holder(path.read_bytes())
+        except OSError:
+            return
+        if holder is None:
+            return
+        time.sleep(0.1)
 
 
 def _release(path: Path) -> None:

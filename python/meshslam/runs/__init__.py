@@ -6,7 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.runs.api import evaluate, localize, map_drive, slam
-    from meshslam.runs.clock import Clock
+    from meshslam.runs.clock import Clock, peak_memory_mb
     from meshslam.runs.commands import users, uses
     from meshslam.runs.comparing import compare_cars, compare_runs
     from meshslam.runs.config import Config, InputConfig
@@ -30,7 +30,7 @@ else:
         __name__,
         {
             "api": "evaluate localize map_drive slam",
-            "clock": "Clock",
+            "clock": "Clock peak_memory_mb",
             "commands": "users uses",
             "comparing": "compare_cars compare_runs",
             "config": "Config InputConfig",
@@ -77,6 +77,7 @@ __all__ = [
     "open_input",
     "overlaid",
     "paths_against_truth",
+    "peak_memory_mb",
     "read_config",
     "read_material",
     "read_yaml",

@@ -55,19 +55,19 @@ def perceive(
     What a former run that was cut short has segmented is taken from its folder. `on_frame` is called with each frame
     that a network has looked at: index, detections, and the image if it was read.
     """
-    if reads_detections(recording, config):
+    given = given_detections(recording, config)
+    if given is not None:
         if config.input.adapter is not None:
             raise ConfigError(
-                f"input.adapter: {recording.detections_path} is read, no network: leave the adapter out, or name the "
-                "network (--segmenter)"
+                f"input.adapter: {given} is read, no network: leave the adapter out, or name the network (--segmenter)"
             )
         renamed, tracked = renamings(config.input.category_names), config.tracking.categories
-        found = read_recorded_detections(recording.detections_path, recording, renamed, tracked)
+        found = read_recorded_detections(given, recording, renamed, tracked)
         for warning in found.warnings:
             outlet.note(warning)
         unused = untracked(found, tracked)
         if unused is not None:
-            outlet.note(f"{recording.detections_path}: {unused}")
+            outlet.note(f"{given}: {unused}")
         return _perceived(with_keypoints(recording, found, config, outlet), config)
     if run is None or by_colour(config):
         found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
@@ -79,9 +79,9 @@ def perceive(
     return _perceived(found, config)
 
 
-def reads_detections(recording: Sequence, config: Config) -> bool:
-    """Whether the recording's own detections are used, no network's."""
-    return config.input.segmenter is None and recording.detections_path is not None
+def given_detections(recording: Sequence, config: Config) -> Path | None:
+    """The file of detections that is read; None where a network, or colours, tell the objects."""
+    return recording.detections_path if config.input.segmenter is None else None
 
 
 def look_at_frames(

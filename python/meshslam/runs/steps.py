@@ -12,7 +12,7 @@ from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, say
 from meshslam.runs.localize_run import run_localize
 from meshslam.runs.outlet import Outlet
-from meshslam.runs.perception import by_colour, follow, perceive, reads_detections
+from meshslam.runs.perception import by_colour, follow, given_detections, perceive
 from meshslam.sequences import Sequence
 
 DETECT, TRACK = "detect", "track"
@@ -68,4 +68,5 @@ def _prepared(command: str, recording: Sequence, settings: Config, outlet: Outle
 
 def _takes_steps(recording: Sequence, settings: Config) -> bool:
     """Whether a network looks at whole frames: its detections are kept, all else is made by the last step."""
-    return not (settings.live.enabled or by_colour(settings) or reads_detections(recording, settings))
+    given = given_detections(recording, settings)
+    return not settings.live.enabled and not by_colour(settings) and given is None
