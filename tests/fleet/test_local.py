@@ -1,0 +1,150 @@
+"""The local engine: the bytes of single runs, drives that fail alone, workers that are lost, and nothing done twice."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from meshslam.files import LOCK
+from tests.fleet.conftest import (
+    BAD_IMAGE,
+    NAMES,
+    POISONED,
+    assert_equal_to_singles,
+    begin_fleet,
+    end,
+    run_fleet,
+    seen,
+    states_of,
+)
+
+
+@pytest.fixture(scope="module")
+def whole(fleet_file, tmp_path_factory):
+    """A fleet that nothing has disturbed: its folder, and the command's result."""
+    out = tmp_path_factory.mktemp("fleet") / "out"
+    return out, run_fleet(fleet_file, "--out", out, "--workers", "2")
+
+
+def tell(out):
+    return json.loads((out / "fleet.json").read_text())
+
+
+def stamps(out):
+    """When each file of the runs was written, those that are one of a kind."""
+    return {str(path): path.stat().st_mtime_ns for path in (out / "runs").rglob("*") if path.is_file()}
+
+
+def lock_holders(out):
+    """Processes that write a run now."""
+    found = []
+    for lock in (out / "runs").glob(f"*/{LOCK}"):
+        try:
+            found.append((lock.parent.name, json.loads(lock.read_text())["pid"]))
+        except (OSError, ValueError, KeyError):  # it is being written
+            continue
+    return found
+
+
+def test_every_run_has_the_bytes_of_a_single_run(whole, singles):
+    assert_equal_to_singles(whole[0], singles)
+
+
+def test_drives_that_are_wrong_fail_alone_with_their_reasons(whole):
+    out, result = whole
+    assert result.returncode == 1
+    assert states_of(tell(out)) == dict.fromkeys(NAMES, "done") | {POISONED: "failed", BAD_IMAGE: "failed"}
+    reasons = {drive["name"]: drive["reason"] for drive in tell(out)["drives"]}
+    assert "camera.yaml: model: expected pinhole, found 'what'" in reasons[POISONED]
+    assert "000003" in reasons[BAD_IMAGE]
+    assert f"failed: {POISONED}: {reasons[POISONED]}" in result.stdout
+    assert "Traceback" not in result.stderr
+    assert [drive["attempts"] for drive in tell(out)["drives"]] == [1] * 6
+
+
+def test_steps_are_tasks_of_their_own(whole):
+    steps = {drive["name"]: [task["step"] for task in drive["tasks"]] for drive in tell(whole[0])["drives"]}
+    assert steps["street_1"] == ["detect", "map"]
+    assert steps["slam_3"] == ["detect", "slam"]
+    assert steps["network_4"] == ["detect", "track", "map"]
+    assert steps[POISONED] == steps[BAD_IMAGE] == ["detect"]
+
+
+def test_run_again_nothing_is_computed(whole, fleet_file):
+    out, _ = whole
+    before = stamps(out)
+    result = run_fleet(fleet_file, "--out", out)
+    assert result.returncode == 1
+    assert states_of(tell(out)) == dict.fromkeys(NAMES, "unchanged") | {POISONED: "failed", BAD_IMAGE: "failed"}
+    assert {path: time for path, time in stamps(out).items() if f"/{BAD_IMAGE}/" not in path} == {
+        path: time for path, time in before.items() if f"/{BAD_IMAGE}/" not in path
+    }
+
+
+def test_a_worker_that_is_killed_is_replaced(fleet_file, singles, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
+    name, pid = seen(lambda: [row for row in lock_holders(out) if row[0] in NAMES])[0]
+    os.kill(pid, signal.SIGKILL)
+    assert process.wait(timeout=240) == 1
+    assert_equal_to_singles(out, singles)
+    by_name = {drive["name"]: drive for drive in tell(out)["drives"]}
+    assert by_name[name]["attempts"] == 2
+    assert [drive["attempts"] for drive in by_name.values() if drive["name"] != name] == [1] * 5
+    assert "was killed by SIGKILL" in log.read_text()
+    lost = [task for task in by_name[name]["tasks"] if task["how"].startswith("lost")]
+    assert len(lost) == 1
+
+
+def test_without_retries_a_lost_worker_fails_its_drive_alone(fleet_file, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2", "--retries", "0")
+    name, pid = seen(lambda: [row for row in lock_holders(out) if row[0] in NAMES])[0]
+    os.kill(pid, signal.SIGKILL)
+    assert process.wait(timeout=240) == 1
+    assert [n for n, how in states_of(tell(out)).items() if how == "done"] == [n for n in NAMES if n != name]
+
+
+def test_ctrl_c_ends_with_130_and_the_next_run_goes_on(fleet_file, singles, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
+    workers = seen(lambda: lock_holders(out))
+    assert end(process) == 130
+    assert "goes on from there" in log.read_text()
+    assert "Traceback" not in log.read_text()
+    assert not lock_holders(out)
+    assert not list(out.rglob("*.meshslam-part"))
+    for _, pid in workers:
+        assert not os.path.exists(f"/proc/{pid}")
+    assert "not run" in states_of(tell(out)).values()
+    assert run_fleet(fleet_file, "--out", out, "--workers", "2").returncode == 1
+    assert_equal_to_singles(out, singles)
+
+
+def test_workers_end_with_their_driver(fleet_file, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
+    workers = seen(lambda: lock_holders(out))
+    end(process, signal.SIGKILL)
+    seen(lambda: not any(os.path.exists(f"/proc/{pid}") for _, pid in workers), 20)
+
+
+def test_a_second_fleet_in_the_folder_is_refused(fleet_file, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    process = begin_fleet(log, fleet_file, "--out", out, "--workers", "1")
+    seen(lambda: (out / LOCK).exists())
+    second = run_fleet(fleet_file, "--out", out)
+    end(process)
+    assert second.returncode == 2
+    assert f"process {process.pid} is writing it" in second.stderr
+
+
+def test_without_a_shared_folder_files_are_carried_to_the_same_bytes(fleet_file, singles, tmp_path):
+    out = tmp_path / "out"
+    assert run_fleet(fleet_file, "--out", out, "--no-shared-folder", "--workers", "2").returncode == 1
+    assert_equal_to_singles(out, singles)
+    before = stamps(out)
+    assert run_fleet(fleet_file, "--out", out, "--no-shared-folder").returncode == 1
+    assert stamps(out) == before
+    assert set(states_of(tell(out)).values()) == {"unchanged", "failed"}
