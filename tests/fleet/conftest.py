@@ -15,7 +15,7 @@ from meshslam.simulation import StreetConfig, make_street, write_recording
 from tests.faults.harness import contents
 from tests.perception.networks import colour_network
 
-SMALL = StreetConfig(frames=6, width_px=320, height_px=100, focal_px=190.0, cars_each_side=2, speed_m_s=15.0)
+SMALL = StreetConfig(frames=6, width_px=320, height_px=100, focal_px=190.0, cars_each_side=1, speed_m_s=15.0)
 COMMAND = (sys.executable, "-m", "meshslam")
 NAMES = ("street_1", "street_2", "slam_3", "network_4")
 POISONED, BAD_IMAGE = "poisoned", "bad_image"

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -116,7 +117,7 @@ def test_ctrl_c_ends_with_130_and_the_next_run_goes_on(fleet_file, singles, tmp_
     assert not lock_holders(out)
     assert not list(out.rglob("*.meshslam-part"))
     for _, pid in workers:
-        assert not os.path.exists(f"/proc/{pid}")
+        assert not Path(f"/proc/{pid}").exists()
     assert "not run" in states_of(tell(out)).values()
     assert run_fleet(fleet_file, "--out", out, "--workers", "2").returncode == 1
     assert_equal_to_singles(out, singles)
@@ -127,7 +128,7 @@ def test_workers_end_with_their_driver(fleet_file, tmp_path):
     process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
     workers = seen(lambda: lock_holders(out))
     end(process, signal.SIGKILL)
-    seen(lambda: not any(os.path.exists(f"/proc/{pid}") for _, pid in workers), 20)
+    seen(lambda: not any(Path(f"/proc/{pid}").exists() for _, pid in workers), 20)
 
 
 def test_a_second_fleet_in_the_folder_is_refused(fleet_file, tmp_path):

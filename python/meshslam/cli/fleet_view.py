@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
@@ -22,7 +23,16 @@ if TYPE_CHECKING:
 
 @contextmanager
 def fleet_watch(total: int) -> Iterator[Watch]:
-    """Tell of a fleet on stderr while the block runs; with `--quiet`, of failures and lost workers only."""
+    """Tell of a fleet on stderr while the block runs; with `--quiet`, of failures and lost workers only.
+
+    Nothing is printed on stdout meanwhile: there Ray prints the logs of nodes that are lost, whatever it is told.
+    """
+    with redirect_stdout(StringIO()), _told(total) as watch:
+        yield watch
+
+
+@contextmanager
+def _told(total: int) -> Iterator[Watch]:
     from meshslam.fleet import Watch
 
     console = Console(stderr=True)
@@ -32,7 +42,7 @@ def fleet_watch(total: int) -> Iterator[Watch]:
         lines = FleetLines(total, _say)
         yield Watch(lines.ended, _say, lines.running)
     else:
-        with Live(console=console, refresh_per_second=4, transient=True) as live:
+        with Live(console=console, refresh_per_second=4, transient=True, redirect_stdout=False) as live:
             view = FleetTable(total, live)
             yield Watch(view.ended, live.console.print, view.running)
 
