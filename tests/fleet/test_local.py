@@ -1,7 +1,6 @@
 """The local engine: the bytes of single runs, drives that fail alone, workers that are lost, and nothing done twice."""
 
 import json
-import os
 import signal
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from tests.fleet.conftest import (
     seen,
     states_of,
 )
+from tests.fleet.killing import killed_in_the_middle, writers
 
 
 @pytest.fixture(scope="module")
@@ -35,17 +35,6 @@ def tell(out):
 def stamps(out):
     """When each file of the runs was written, those that are one of a kind."""
     return {str(path): path.stat().st_mtime_ns for path in (out / "runs").rglob("*") if path.is_file()}
-
-
-def lock_holders(out):
-    """Processes that write a run now."""
-    found = []
-    for lock in (out / "runs").glob(f"*/{LOCK}"):
-        try:
-            found.append((lock.parent.name, json.loads(lock.read_text())["pid"]))
-        except (OSError, ValueError, KeyError):  # it is being written
-            continue
-    return found
 
 
 def test_every_run_has_the_bytes_of_a_single_run(whole, singles):
@@ -86,8 +75,7 @@ def test_run_again_nothing_is_computed(whole, fleet_file):
 def test_a_worker_that_is_killed_is_replaced(fleet_file, singles, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
-    name, pid = seen(lambda: [row for row in lock_holders(out) if row[0] in NAMES])[0]
-    os.kill(pid, signal.SIGKILL)
+    name = seen(lambda: killed_in_the_middle(out, NAMES))
     assert process.wait(timeout=240) == 1
     assert_equal_to_singles(out, singles)
     by_name = {drive["name"]: drive for drive in tell(out)["drives"]}
@@ -101,8 +89,7 @@ def test_a_worker_that_is_killed_is_replaced(fleet_file, singles, tmp_path):
 def test_without_retries_a_lost_worker_fails_its_drive_alone(fleet_file, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2", "--retries", "0")
-    name, pid = seen(lambda: [row for row in lock_holders(out) if row[0] in NAMES])[0]
-    os.kill(pid, signal.SIGKILL)
+    name = seen(lambda: killed_in_the_middle(out, NAMES))
     assert process.wait(timeout=240) == 1
     assert [n for n, how in states_of(tell(out)).items() if how == "done"] == [n for n in NAMES if n != name]
 
@@ -110,13 +97,13 @@ def test_without_retries_a_lost_worker_fails_its_drive_alone(fleet_file, tmp_pat
 def test_ctrl_c_ends_with_130_and_the_next_run_goes_on(fleet_file, singles, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
-    workers = seen(lambda: lock_holders(out))
+    workers = seen(lambda: writers(out))
     assert end(process) == 130
     assert "goes on from there" in log.read_text()
     assert "Traceback" not in log.read_text()
-    assert not lock_holders(out)
+    assert not writers(out)
     assert not list(out.rglob("*.meshslam-part"))
-    for _, pid in workers:
+    for pid in workers.values():
         assert not Path(f"/proc/{pid}").exists()
     assert "not run" in states_of(tell(out)).values()
     assert run_fleet(fleet_file, "--out", out, "--workers", "2").returncode == 1
@@ -126,9 +113,9 @@ def test_ctrl_c_ends_with_130_and_the_next_run_goes_on(fleet_file, singles, tmp_
 def test_workers_end_with_their_driver(fleet_file, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--workers", "2")
-    workers = seen(lambda: lock_holders(out))
+    workers = seen(lambda: writers(out))
     end(process, signal.SIGKILL)
-    seen(lambda: not any(Path(f"/proc/{pid}").exists() for _, pid in workers), 20)
+    seen(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers.values()), 20)
 
 
 def test_a_second_fleet_in_the_folder_is_refused(fleet_file, tmp_path):

@@ -1,15 +1,11 @@
 """A Ray cluster of two nodes on this machine: workers and a whole node are killed, and every good drive is there."""
 
-import contextlib
 import json
 import os
 import secrets
-import signal
-from pathlib import Path
 
 import pytest
 
-from meshslam.files import LOCK
 from tests.fleet.conftest import (
     BAD_IMAGE,
     NAMES,
@@ -20,6 +16,7 @@ from tests.fleet.conftest import (
     seen,
     states_of,
 )
+from tests.fleet.killing import killed_in_the_middle, raylet_of
 
 ray = pytest.importorskip("ray")
 
@@ -41,61 +38,11 @@ def tell(out):
     return json.loads((out / "fleet.json").read_text())
 
 
-def writers(out):
-    """Drives that are being written, with the process that does."""
-    found = {}
-    for lock in (out / "runs").glob(f"*/{LOCK}"):
-        try:
-            found[lock.parent.name] = json.loads(lock.read_text())["pid"]
-        except (OSError, ValueError, KeyError):  # it is being written
-            continue
-    return found
-
-
-def parent_of(pid):
-    """None if the process has ended."""
-    try:
-        state, parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:2]
-    except OSError:
-        return None
-    return None if state in "ZX" else int(parent)
-
-
-def killed_in_the_middle(out, raylet=None):
-    """The drive whose worker was killed while it was at work; with a raylet, one of its workers, and all of the node.
-
-    A worker is halted first, so that it is sure to be in the middle.
-    """
-    for name, pid in writers(out).items():
-        if name not in NAMES or parent_of(pid) is None or raylet not in (None, parent_of(pid)):
-            continue
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGSTOP)
-            if writers(out).get(name) != pid:
-                os.kill(pid, signal.SIGCONT)
-                continue
-            doomed = [pid] if raylet is None else [raylet, *children_of(raylet)]
-            for process in doomed:
-                os.kill(process, signal.SIGKILL)
-            seen(lambda pid=pid: parent_of(pid) is None)
-            return name
-    return None
-
-
-def children_of(parent):
-    numbers = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
-    return [number for number in numbers if parent_of(number) == parent]
-
-
-def raylet_of(node):
-    return node.all_processes["raylet"][0].process.pid
-
-
 def test_a_worker_and_a_node_are_killed_and_nothing_is_missing_or_done_twice(cluster, fleet_file, singles, tmp_path):
     node, out, log = cluster.add_node(num_cpus=1), tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--engine", "ray", "--address", cluster.address)
-    first = seen(lambda: killed_in_the_middle(out))
-    second = seen(lambda: killed_in_the_middle(out, raylet_of(node)))
+    first = seen(lambda: killed_in_the_middle(out, NAMES))
+    second = seen(lambda: killed_in_the_middle(out, NAMES, raylet_of(node)))
     assert process.wait(timeout=240) == 1
     cluster.remove_node(node, allow_graceful=False)
     assert_equal_to_singles(out, singles)
