@@ -54,8 +54,11 @@ def along_06(out: Path, start: int, *more: object) -> Path:
 
 
 def simulated(out: Path, seed: int) -> Path:
-    """A coloured street."""
-    subprocess.run([*COMMAND, "simulate", str(out), "--frames", "20", "--seed", str(seed), "--quiet"], check=True)
+    """A street whose colours tell the cars."""
+    subprocess.run(
+        [*COMMAND, "simulate", str(out), "--frames", "20", "--seed", str(seed), "--mode", "contrast", "--quiet"],
+        check=True,
+    )
     return out
 
 

@@ -77,11 +77,12 @@ def run_fleet(*arguments, timeout_s=240, **environment):
     )
 
 
-def begin_fleet(log, *arguments):
+def begin_fleet(log, *arguments, **environment):
     """`meshslam fleet run` with what it says in a file."""
     with log.open("wb") as file:
         command = [*COMMAND, "fleet", "run", *map(str, arguments)]
-        return subprocess.Popen(command, stdout=file, stderr=file, start_new_session=True)
+        given = {**os.environ, **environment}
+        return subprocess.Popen(command, stdout=file, stderr=file, env=given, start_new_session=True)
 
 
 def assert_equal_to_singles(out, singles):

@@ -57,5 +57,15 @@ def children_of(parent):
     return [number for number in numbers if parent_of(number) == parent]
 
 
+def raylets():
+    """Ray's processes of nodes on this machine."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if b"raylet/raylet" in path.read_bytes().split(b"\0")[0]:
+                found.add(int(path.parent.name))
+    return found
+
+
 def raylet_of(node):
     return node.all_processes["raylet"][0].process.pid

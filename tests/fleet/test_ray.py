@@ -1,22 +1,31 @@
 """A Ray cluster of two nodes on this machine: workers and a whole node are killed, and every good drive is there."""
 
+import contextlib
 import json
 import os
 import secrets
+import signal
+import tempfile
+from pathlib import Path
 
 import pytest
+import yaml
 
+from meshslam.files import LOCK
+from meshslam.fleet import engine_of, place_of, read_fleet
+from meshslam.fleet import run_fleet as run_fleet_of
 from tests.fleet.conftest import (
     BAD_IMAGE,
     NAMES,
     POISONED,
     assert_equal_to_singles,
     begin_fleet,
+    end,
     run_fleet,
     seen,
     states_of,
 )
-from tests.fleet.killing import killed_in_the_middle, raylet_of
+from tests.fleet.killing import killed_in_the_middle, raylet_of, raylets, writers
 
 ray = pytest.importorskip("ray")
 
@@ -58,3 +67,55 @@ def test_a_worker_and_a_node_are_killed_and_nothing_is_missing_or_done_twice(clu
     again = run_fleet(fleet_file, "--out", out, "--engine", "ray", "--address", cluster.address)
     assert again.returncode == 1
     assert states_of(tell(out)) == dict.fromkeys(NAMES, "unchanged") | {POISONED: "failed", BAD_IMAGE: "failed"}
+
+
+def test_without_a_shared_folder_files_travel_through_the_object_store(cluster, fleet_file, singles, tmp_path):
+    out, given = tmp_path / "out", ("--engine", "ray", "--address", cluster.address, "--no-shared-folder")
+    process = begin_fleet(tmp_path / "log", fleet_file, "--out", out, *given)
+    seen(lambda: killed_without_folder(cluster))
+    assert process.wait(timeout=240) == 1
+    assert_equal_to_singles(out, singles)
+    assert "its worker was lost" in (tmp_path / "log").read_text()
+
+
+def killed_without_folder(cluster):
+    """A worker that has a run directory in its temporary folder, which is at work therefore."""
+    for lock in Path(tempfile.gettempdir()).glob(f"meshslam-fleet-*/*/{LOCK}"):
+        with contextlib.suppress(OSError, ValueError, KeyError):
+            os.kill(json.loads(lock.read_text())["pid"], signal.SIGKILL)
+            return True
+    return False
+
+
+def test_a_step_that_no_node_can_take_fails_its_drive_with_the_reason(cluster, fleet_file, tmp_path, monkeypatch):
+    from meshslam.fleet import cluster as engine_module
+
+    content = yaml.safe_load(fleet_file.read_text())
+    content["resources"] = {"map": {"segmenter": 1}}
+    file = fleet_file.with_name("needs.yaml")
+    file.write_text(yaml.safe_dump({**content, "drives": content["drives"][:2]}))
+    monkeypatch.setattr(engine_module, "PATIENCE_S", 3.0)
+    results = run_fleet_here(read_fleet(file), place_of(str(tmp_path / "out"), shared=True), cluster.address)
+    by_name = {result.name: result for result in results}
+    assert "no node of the cluster has had what it needs for 3 s: CPU 1, segmenter 1" in by_name[NAMES[0]].reason
+    assert "camera.yaml" in by_name[POISONED].reason
+
+
+def run_fleet_here(fleet, place, address):
+    return run_fleet_of(fleet, place, lambda: engine_of("ray", address, None))
+
+
+def test_ray_that_is_started_here_ends_with_ctrl_c_and_leaves_nothing(fleet_file, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    home = tmp_path / "home"
+    home.mkdir()
+    before = raylets()
+    process = begin_fleet(log, fleet_file, "--out", out, "--engine", "ray", "--workers", "2", HOME=str(home), RAY_AUTH_TOKEN="")
+    held = seen(lambda: writers(out))
+    assert end(process) == 130
+    assert "goes on from there" in log.read_text()
+    assert "Traceback" not in log.read_text()
+    assert raylets() == before
+    assert not writers(out), held
+    assert "not run" in states_of(tell(out)).values()
+    assert list(home.iterdir()) == []  # no token of Ray's

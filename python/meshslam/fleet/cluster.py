@@ -138,7 +138,7 @@ def _init(ray: Any, address: str | None, workers: int | None) -> None:  # noqa: 
     if address is not None:
         ray.init(address=address, **quiet)
         return
-    if TOKEN not in os.environ:  # of an instance of our own: Ray would leave one in the home folder for good
+    if not os.environ.get(TOKEN):  # of an instance of our own: Ray would leave one in the home folder for good
         os.environ[TOKEN] = secrets.token_hex(32)
     ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
 
