@@ -110,7 +110,9 @@ def test_ray_that_is_started_here_ends_with_ctrl_c_and_leaves_nothing(fleet_file
     home = tmp_path / "home"
     home.mkdir()
     before = raylets()
-    process = begin_fleet(log, fleet_file, "--out", out, "--engine", "ray", "--workers", "2", HOME=str(home), RAY_AUTH_TOKEN="")
+    process = begin_fleet(
+        log, fleet_file, "--out", out, "--engine", "ray", "--workers", "2", HOME=str(home), RAY_AUTH_TOKEN=""
+    )
     held = seen(lambda: writers(out))
     assert end(process) == 130
     assert "goes on from there" in log.read_text()
