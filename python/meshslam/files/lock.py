@@ -79,19 +79,24 @@ def wait_until_free(path: Path, up_to_s: float = 30.0) -> None:
 
 
 def _release(path: Path) -> None:
-    """Remove the lock, even if Ctrl-C comes at that moment; one that another machine has taken over is not ours."""
-    with contextlib.suppress(OSError, ValueError):
-        found = json.loads(path.read_bytes())
-        if (found["pid"], _is_here(found)) != (os.getpid(), True):
-            return
+    """Remove the lock, even if Ctrl-C comes at that moment."""
     with contextlib.suppress(OSError):
         try:
-            path.unlink(missing_ok=True)
+            _remove_own(path)
         except OSError:
             raise
         except BaseException:  # what the command makes of SIGINT
-            path.unlink(missing_ok=True)
+            _remove_own(path)
             raise
+
+
+def _remove_own(path: Path) -> None:
+    """Remove the lock, unless another machine has taken it over meanwhile."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        found = json.loads(path.read_bytes())
+        if found["pid"] != os.getpid() or not _is_here(found):
+            return
+    path.unlink(missing_ok=True)
 
 
 def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:

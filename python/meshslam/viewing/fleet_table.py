@@ -47,13 +47,19 @@ def _count(rows: Sequence[FleetRow], how: str) -> str:
     return f"<div><dt>{COUNTED[how]}</dt><dd>{count}</dd></div>" if count else ""
 
 
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
 def _cells(row: FleetRow) -> list[str]:
     name = text(row.name) if row.report is None else f'<a href="{text(row.report)}">{text(row.name)}</a>'
     said = f'<p class="doubt why">{text(row.reason)}</p>' if row.reason else ""
     notes = "".join(f"<li>{text(note)}</li>" for note in row.notes)
-    folded = f"<details><summary>{len(row.notes)} notes</summary><ul>{notes}</ul></details>" if notes else ""
+    folded = (
+        f"<details><summary>{_counted(len(row.notes), 'note')}</summary><ul>{notes}</ul></details>" if notes else ""
+    )
     return [
-        f"<b>{name}</b> <small>{text(row.command)}</small>",
+        f"<span><b>{name}</b> <small>{text(row.command)}</small></span>",
         f'<span class="how {row.how.replace(" ", "-")}">{text(row.how)}</span>{said}{folded}',
         number(row.objects, 0),
         number(row.frames, 0),
