@@ -129,8 +129,8 @@ def single_runs(drives: dict[str, tuple[str, Path, dict]], out: Path) -> float:
     return time.monotonic() - began_s
 
 
-def on_ray(file: Path, out: Path, good: list[str]) -> tuple[float, list[str], float]:
-    """Seconds with a worker and then a node killed, what they were at, and seconds of the same command again."""
+def on_ray(file: Path, out: Path, good: list[str]) -> tuple[float, list[str], list[str], float]:
+    """Seconds with a worker and then a node killed, what they were at, a table, and seconds of the same command again."""
     from ray.cluster_utils import Cluster
 
     os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
@@ -145,7 +145,8 @@ def on_ray(file: Path, out: Path, good: list[str]) -> tuple[float, list[str], fl
         killed.append(_killed(out, good, raylet_of(node)))
         timed(process)
         took_s = time.monotonic() - began_s
-        return took_s, killed, timed(fleet(file, out, "--engine", "ray", "--address", cluster.address))
+        rows = table(out)
+        return took_s, killed, rows, timed(fleet(file, out, "--engine", "ray", "--address", cluster.address))
     finally:
         cluster.shutdown()
 
@@ -186,14 +187,14 @@ def main() -> None:
     file.write_text(yaml.safe_dump({"drives": entries}, sort_keys=False))
     single_s = single_runs(drives, work / "single")
     local_s = timed(fleet(file, work / "local"))
-    ray_s, killed, again_s = on_ray(file, work / "ray", good)
+    ray_s, killed, rows, again_s = on_ray(file, work / "ray", good)
     carried_s = timed(fleet(file, work / "carried", "--no-shared-folder"))
     print(f"single runs {single_s:.0f} s; local {local_s:.0f} s; Ray, {' and '.join(killed)} killed, {ray_s:.0f} s;")
     print(f"again {again_s:.0f} s; local without a shared folder {carried_s:.0f} s")
     for engine in ("local", "ray", "carried"):
         same = [contents(work / "single" / n) == contents(work / engine / "runs" / n) for n in good]
         print(f"{engine}: {sum(same)} of {len(good)} good drives there, to the bytes of single runs")
-    print("\n".join(table(work / "ray")))
+    print("\n".join(rows))
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def test_ray_that_is_started_here_ends_with_ctrl_c_and_leaves_nothing(fleet_file
     assert end(process) == 130
     assert "goes on from there" in log.read_text()
     assert "Traceback" not in log.read_text()
-    assert raylets() == before
+    assert raylets() <= before
     assert not writers(out), held
     assert "not run" in states_of(tell(out)).values()
     assert list(home.iterdir()) == []  # no token of Ray's

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -11,6 +11,7 @@ from meshslam.cli.quiet import can_be_quiet
 from meshslam.errors import ConfigError
 
 FAILED = 1  # exit code: a drive failed
+Engine = Literal["local", "ray"]
 
 fleet_app = typer.Typer(
     no_args_is_help=True, help="Many drives, on this machine or on a Ray cluster.", pretty_exceptions_enable=False
@@ -21,7 +22,7 @@ FleetFile = Annotated[Path, typer.Argument(help="Fleet file (YAML) with the driv
 def run(
     drives: FleetFile,
     out: Annotated[str, typer.Option(help="Folder for runs and summary, found again, it is resumed; or a URL.")],
-    engine: Annotated[str, typer.Option(help="local: processes of this machine; ray: a Ray cluster.")] = "local",
+    engine: Annotated[Engine, typer.Option(help="local: processes of this machine; ray: a Ray cluster.")] = "local",
     address: Annotated[
         str | None, typer.Option(help="A Ray cluster's, or auto; without it Ray is started on this machine.")
     ] = None,
