@@ -130,7 +130,7 @@ def single_runs(drives: dict[str, tuple[str, Path, dict]], out: Path) -> float:
 
 
 def on_ray(file: Path, out: Path, good: list[str]) -> tuple[float, list[str], list[str], float]:
-    """Seconds with a worker and then a node killed, what they were at, a table, and seconds of the same command again."""
+    """Seconds with a worker and then a node killed, what they were at, a table, and seconds of the command again."""
     from ray.cluster_utils import Cluster
 
     os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))

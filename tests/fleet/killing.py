@@ -57,6 +57,11 @@ def children_of(parent):
     return [number for number in numbers if parent_of(number) == parent]
 
 
+def environment_of(pid):
+    """What a process was started with."""
+    return Path(f"/proc/{pid}/environ").read_bytes().decode().split("\0")
+
+
 def raylets():
     """Ray's processes of nodes on this machine."""
     found = set()

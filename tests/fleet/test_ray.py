@@ -25,7 +25,7 @@ from tests.fleet.conftest import (
     seen,
     states_of,
 )
-from tests.fleet.killing import killed_in_the_middle, raylet_of, raylets, writers
+from tests.fleet.killing import environment_of, killed_in_the_middle, raylet_of, raylets, writers
 
 ray = pytest.importorskip("ray")
 
@@ -50,10 +50,14 @@ def tell(out):
 def test_a_worker_and_a_node_are_killed_and_nothing_is_missing_or_done_twice(cluster, fleet_file, singles, tmp_path):
     node, out, log = cluster.add_node(num_cpus=1), tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, fleet_file, "--out", out, "--engine", "ray", "--address", cluster.address)
+    given = environment_of(seen(lambda: list(writers(out).values()))[0])
+    assert {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1", "RAYON_NUM_THREADS=1"} <= set(given)
     first = seen(lambda: killed_in_the_middle(out, NAMES))
     second = seen(lambda: killed_in_the_middle(out, NAMES, raylet_of(node)))
     assert process.wait(timeout=240) == 1
     cluster.remove_node(node, allow_graceful=False)
+    assert "its node was lost" in log.read_text()
+    assert "(raylet)" not in log.read_text()  # what Ray prints of its own
     assert_equal_to_singles(out, singles)
     assert states_of(tell(out)) == dict.fromkeys(NAMES, "done") | {POISONED: "failed", BAD_IMAGE: "failed"}
     attempts = {drive["name"]: drive["attempts"] for drive in tell(out)["drives"]}

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import threading
 import time
 from importlib.metadata import version
 from pathlib import Path
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 
 from meshslam.errors import MapError
+from meshslam.files import LOCK
 from meshslam.fleet.cluster import Cluster
 from meshslam.fleet.drives import Drive, Needs
 from meshslam.fleet.jobs import Job, Loss, Outcome, Running
@@ -17,6 +21,16 @@ from meshslam.fleet.processes import Processes
 from meshslam.fleet.throttle import throttled
 from meshslam.fleet.work import thread_settings, work
 from meshslam.runs import Config, InputConfig, Step
+from tests.fleet.killing import environment_of
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from meshslam.files import locked
+with locked(Path(sys.argv[1]), "run"):
+    print("held", flush=True)
+    time.sleep(60)
+"""
 
 
 def job(tmp_path, name="a", **more):
@@ -93,6 +107,19 @@ def test_the_peak_of_memory_is_that_of_the_job(step, tmp_path):
     assert large.peak_memory_mb > small.peak_memory_mb + 200
 
 
+def test_a_worker_before_this_one_may_still_be_dying(step, tmp_path):
+    out = tmp_path / "a"
+    out.mkdir()
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, out / LOCK], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as old:
+        assert old.stdout.readline() == b"held\n"
+        timer = threading.Timer(1.0, old.kill)
+        timer.start()
+        step.does = [lambda: Step(()) if old.poll() is not None else pytest.fail("it did not wait")]
+        assert work(job(tmp_path), silent).reason == ""
+
+
 def test_threads_are_set_for_every_library():
     assert thread_settings(3) == {"OMP_NUM_THREADS": "3", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "3"}
 
@@ -123,6 +150,7 @@ def test_a_process_that_is_lost_takes_no_other_with_it(tmp_path):
         assert engine.has_room(Needs())
         engine.submit(job(tmp_path, "b"))
         assert not engine.has_room(Needs())
+        assert {f"{k}={v}" for k, v in thread_settings(1).items()} <= set(environment_of(engine._all[0].process.pid))
         os.kill(next(w.process.pid for w in engine._all if w.job.drive.name == "a"), signal.SIGKILL)
         ended = {e.job.drive.name: e.result for e in (waited(engine), waited(engine))}
         assert isinstance(ended["a"], Loss)
