@@ -14,7 +14,7 @@ from meshslam.fleet.results import DriveResult, Task
 from meshslam.fleet.retrying import is_repeated, why_not
 from meshslam.runs import DETECT
 
-RETRIES = 2
+RETRIES = 2  # of a drive
 _LOOK_S = 0.5
 
 

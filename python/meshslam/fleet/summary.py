@@ -15,7 +15,8 @@ from meshslam.fleet.places import RUNS, Place
 from meshslam.fleet.results import DriveResult
 from meshslam.viewing import FleetRow, fleet_page
 
-JSON, CSV, PARQUET, PAGE = "fleet.json", "summary.csv", "summary.parquet", "fleet.html"
+PAGE = "fleet.html"  # of the summary
+JSON, CSV, PARQUET = "fleet.json", "summary.csv", "summary.parquet"
 OWN = ("drive", "state", "reason", "command", "recording", "run", "attempts", "node", "seconds", "memory_mb", "objects")
 
 

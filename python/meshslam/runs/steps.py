@@ -15,8 +15,9 @@ from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import by_colour, follow, given_detections, perceive
 from meshslam.sequences import Sequence
 
-DETECT, TRACK = "detect", "track"
-RUNS: dict[str, Callable[..., dict[str, float]]] = {
+DETECT = "detect"  # the first step
+TRACK = "track"  # the second, where a network looks at images
+RUNS: dict[str, Callable[..., dict[str, float]]] = {  # by command
     "map": map_run.run_map,
     "localize": run_localize,
     "slam": slam_run.run_slam,
