@@ -8,6 +8,7 @@ import secrets
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from meshslam.errors import ConfigError
@@ -52,6 +53,11 @@ class Cluster:
         board = ray.remote(Board).options(num_cpus=0, max_restarts=-1, scheduling_strategy=beside).remote()
         return Cluster(workers, board, address is None)
 
+    @cached_property
+    def _task(self) -> Any:  # noqa: ANN401 # Ray's function
+        """What a worker does with a job, sent to the cluster once."""
+        return _ray().remote(ray_work)
+
     def has_room(self, needs: Needs) -> bool:
         """Whether a job with these needs can begin now; one is always under way, as nodes may come for it."""
         if not self._under_way:
@@ -73,8 +79,7 @@ class Cluster:
         }
         options |= {"num_gpus": needs.gpus} if needs.gpus else {}
         options |= {"memory": int(needs.memory_mb * _MIB)} if needs.memory_mb else {}
-        task = _ray().remote(ray_work).options(**options)
-        self._under_way[task.remote(job, self._board)] = job
+        self._under_way[self._task.options(**options).remote(job, self._board)] = job
 
     def ended(self, timeout_s: float) -> list[Ended]:
         """Jobs that have ended, as soon as there is one; none after the time is over."""

@@ -32,4 +32,4 @@ def result_of(reference: Any) -> Outcome | Loss:  # noqa: ANN401 # Ray's referen
 def _short(error: BaseException) -> str:
     """The first sentence, in one line."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines[0] if lines else type(error).__name__)[:160]
+    return (lines[0].partition(". ")[0] if lines else type(error).__name__)[:200]
