@@ -37,6 +37,8 @@ def _run(*arguments, folder):
         (("evaluate", "there", "--truth", "missing"), 2, "missing: no such truth"),
         (("map", "there", "--config", "missing.yaml"), 2, "missing.yaml: no such configuration file"),
         (("map", "there", "--no-such-option"), 2, "No such option"),
+        (("fleet", "run", "missing.yaml", "--out", "out"), 2, "missing.yaml: no such fleet file"),
+        (("fleet", "run", "--help"), 0, ""),
         (("--help",), 0, ""),
         (("map", "--help"), 0, ""),
     ],

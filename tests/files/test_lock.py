@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from meshslam.errors import MapError
-from meshslam.files import LOCK, locked
+from meshslam.files import LOCK, locked, wait_until_free
 from meshslam.files.lock import started
 
 HOLDER = """
@@ -65,6 +67,60 @@ def test_a_process_that_began_later_under_the_same_number_is_another(path):
     path.write_text(json.dumps({"pid": os.getppid(), "started": started(os.getppid())}))
     with pytest.raises(MapError, match=str(os.getppid())), locked(path, "run"):
         pass
+
+
+@pytest.fixture
+def elsewhere(path, monkeypatch):
+    """A lock that a process of another machine has, or had."""
+    monkeypatch.setattr("meshslam.files.lock.PATIENCE_S", 1.0)
+    path.write_text(json.dumps({"pid": 1, "started": started(1), "host": "far", "space": "pid:[1]"}))
+    return path
+
+
+def test_a_lock_of_another_machine_that_is_not_touched_is_taken_over(elsewhere):
+    with locked(elsewhere, "run"):
+        assert json.loads(elsewhere.read_text())["pid"] == os.getpid()
+
+
+def test_a_lock_of_another_machine_that_is_touched_is_held(elsewhere):
+    ended = threading.Event()
+
+    def touch():
+        while not ended.wait(0.1):
+            os.utime(elsewhere)
+
+    thread = threading.Thread(target=touch)
+    thread.start()
+    try:
+        with pytest.raises(MapError, match="run: process 1 on far is writing it"), locked(elsewhere, "run"):
+            pass
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_lock_that_was_taken_over_is_not_removed(path):
+    with locked(path, "run"):
+        path.write_text(json.dumps({"pid": 1, "started": "x", "host": "far", "space": ""}))
+    assert json.loads(path.read_text())["pid"] == 1
+
+
+def test_a_lock_is_touched_while_it_is_held(path, monkeypatch):
+    monkeypatch.setattr("meshslam.files.lock.BEAT_S", 0.05)
+    with locked(path, "run"):
+        first = path.stat().st_mtime_ns
+        time.sleep(0.5)
+        assert path.stat().st_mtime_ns > first
+
+
+def test_waiting_ends_with_the_holder_or_with_patience(path):
+    wait_until_free(path)
+    path.write_text(json.dumps({"pid": os.getppid(), "started": started(os.getppid())}))
+    began_s = time.monotonic()
+    wait_until_free(path, 0.5)
+    assert 0.4 < time.monotonic() - began_s < 10
+    path.write_text(json.dumps({"pid": os.getppid(), "started": "long ago"}))
+    wait_until_free(path, 1e9)
 
 
 def test_an_interrupt_at_its_removal_leaves_no_lock(path, monkeypatch):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.viewing import TrueObject, overview_page, write_report
+from meshslam.viewing import FleetRow, TrueObject, fleet_page, overview_page, write_report
 from tests.viewing.browser import launched, missing, opened
 
 NARROW_PX = 390
@@ -312,6 +312,28 @@ def test_the_page_over_several_runs_fits(browser, full, tmp_path, width):
     assert "first drive" in page.locator("#map-legend").inner_text()
     assert page.locator(".plan .car").count() == len(full.map)
     assert page.faults == []
+    page.context.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [NARROW_PX, 1400])
+def test_the_page_of_a_fleet_fits_and_can_be_read(browser, tmp_path, width, scheme):
+    long, folder = "2011_09_26_drive_0048_" + 30 * "x", "/data/" + 90 * "d"
+    bad = FleetRow(
+        long, "failed", 60 * "a reason ", "map", folder, None, None, None, 3.0, None, 3, "one/12345678", ("a note",)
+    )
+    good = FleetRow(
+        "good", "done", "", "slam", folder, "runs/good/report.html", 7.0, 600.0, 61.5, 1234.0, 1, "two/12345678"
+    )
+    there = replace(good, name="there", how="unchanged")
+    file = tmp_path / "fleet.html"
+    file.write_text(fleet_page("may", [bad, replace(bad, how="not run"), good, there], ("summary.csv",)))
+    page = browser.new_context(viewport={"width": width, "height": 844}, color_scheme=scheme).new_page()
+    page.goto(f"file://{file}")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert page.evaluate(CROPPED) == []
+    assert page.evaluate(CONTRAST) == []
+    assert page.locator("table.fleet a").all_inner_texts() == ["good", "there"]
     page.context.close()
 
 

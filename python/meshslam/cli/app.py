@@ -20,6 +20,7 @@ from meshslam.cli.demo import demo
 from meshslam.cli.detect import detect
 from meshslam.cli.evaluate import evaluate
 from meshslam.cli.export import export
+from meshslam.cli.fleet import fleet_app
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
 from meshslam.cli.models import models_app
@@ -76,6 +77,7 @@ app.command("ros2", cls=RosCommand)(ros2)
 app.command("train-keypoints")(train_keypoints)
 app.command("version")(version)
 app.add_typer(category_app, name="category")
+app.add_typer(fleet_app, name="fleet")
 app.add_typer(models_app, name="models")
 app.add_typer(reproduce_app, name="reproduce")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     )
     from meshslam.files.digest import digest_of, digest_of_file
     from meshslam.files.folder import LIST, replaced_folder
-    from meshslam.files.lock import LOCK, locked
+    from meshslam.files.lock import LOCK, locked, wait_until_free
     from meshslam.files.places import CITY, map_file, must_exist, real_path
 else:
     __getattr__ = deferred(
@@ -31,7 +31,7 @@ else:
             ),
             "digest": "digest_of digest_of_file",
             "folder": "LIST replaced_folder",
-            "lock": "LOCK locked",
+            "lock": "LOCK locked wait_until_free",
             "places": "CITY map_file must_exist real_path",
         },
     )
@@ -53,6 +53,7 @@ __all__ = [
     "remove_leftovers",
     "remove_leftovers_of",
     "replaced_folder",
+    "wait_until_free",
     "write_atomically",
     "write_into",
     "write_together",

@@ -1,12 +1,19 @@
-"""One process at a time in a folder: a lock file that names its process, and that a dead process does not keep."""
+"""One process at a time in a folder: a lock file that names its process, and that a dead process does not keep.
+
+Whether a process of this machine lives is looked up. One of another machine, or of another container, shows that it
+lives: it touches its lock now and then.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
+import socket
 import subprocess
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from meshslam.errors import MapError, MeshslamError
@@ -17,6 +24,8 @@ except ImportError:  # Windows: two that come in the same instant are not told a
     fcntl = None  # type: ignore[assignment]
 
 LOCK = ".meshslam-lock"
+BEAT_S = 3.0  # between touches of a lock that is held
+PATIENCE_S = 12.0  # with one of another machine that is not touched
 
 
 @contextlib.contextmanager
@@ -27,26 +36,67 @@ def locked(path: Path, what: str, error: type[MeshslamError] = MapError) -> Iter
     """
     holder = _take(path, error)
     if holder is not None:
+        where = "" if _is_here(holder) else f" on {holder['host']}"
         raise error(
-            f"{what}: process {holder['pid']} is writing it: wait for it, or choose another folder "
+            f"{what}: process {holder['pid']}{where} is writing it: wait for it, or choose another folder "
             f"(its lock is {path.name})"
         )
     try:
-        yield
+        with _touched(path):
+            yield
     finally:
         _release(path)
+
+
+@contextlib.contextmanager
+def _touched(path: Path) -> Iterator[None]:
+    """Touch a lock now and then while the block runs, for processes that cannot look this one up."""
+    ended = threading.Event()
+
+    def touch() -> None:
+        while not ended.wait(BEAT_S):
+            with contextlib.suppress(OSError):
+                os.utime(path)
+
+    threading.Thread(target=touch, daemon=True, name="meshslam-lock").start()
+    try:
+        yield
+    finally:
+        ended.set()
+
+
+def wait_until_free(path: Path, up_to_s: float = 30.0) -> None:
+    """Wait while a living process holds a lock, but no longer than that: one that was killed may still be ending."""
+    end_s = time.monotonic() + up_to_s
+    while time.monotonic() < end_s:
+        try:
+            holder = _holder(path.read_bytes(), path)
+        except OSError:
+            return
+        if holder is None:
+            return
+        time.sleep(0.1)
 
 
 def _release(path: Path) -> None:
     """Remove the lock, even if Ctrl-C comes at that moment."""
     with contextlib.suppress(OSError):
         try:
-            path.unlink(missing_ok=True)
+            _remove_own(path)
         except OSError:
             raise
         except BaseException:  # what the command makes of SIGINT
-            path.unlink(missing_ok=True)
+            _remove_own(path)
             raise
+
+
+def _remove_own(path: Path) -> None:
+    """Remove the lock, unless another machine has taken it over meanwhile."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        found = json.loads(path.read_bytes())
+        if found["pid"] != os.getpid() or not _is_here(found):
+            return
+    path.unlink(missing_ok=True)
 
 
 def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:
@@ -60,12 +110,12 @@ def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:
             _alone(file.fileno())
             if not _is_current(file.fileno(), path):
                 continue  # its holder has just removed it
-            holder = _holder(file.read())
+            holder = _holder(file.read(), path)
             if holder is not None:
                 return holder
             file.seek(0)
             file.truncate()
-            file.write(json.dumps({"pid": os.getpid(), "started": started(os.getpid())}).encode())
+            file.write(json.dumps({"pid": os.getpid(), "started": started(os.getpid()), **_here()}).encode())
             return None
 
 
@@ -83,14 +133,45 @@ def _is_current(handle: int, path: Path) -> bool:
     return False
 
 
-def _holder(content: bytes) -> dict[str, object] | None:
+def _holder(content: bytes, path: Path) -> dict[str, object] | None:
     """The process of a lock file, if it lives; a lock that was cut short has none."""
     try:
-        found = json.loads(content)
-        alive = started(int(found["pid"]))
+        found = dict(json.loads(content))
+        pid = int(found["pid"])
     except (ValueError, KeyError, TypeError):
         return None
-    return dict(found) if alive is not None and alive == found.get("started") else None
+    if not _is_here(found):
+        return found if _is_touched(path) else None
+    alive = started(pid)
+    return found if alive is not None and alive == found.get("started") else None
+
+
+def _here() -> dict[str, str]:
+    """Where process numbers are those that this process sees: a machine, or a container."""
+    space = "/proc/self/ns/pid"
+    return {"host": socket.gethostname(), "space": str(Path(space).readlink()) if os.path.lexists(space) else ""}
+
+
+def _is_here(holder: Mapping[str, object]) -> bool:
+    """Whether a holder can be looked up; versions before did not say where they are."""
+    return "host" not in holder or all(holder.get(name) == value for name, value in _here().items())
+
+
+def _is_touched(path: Path) -> bool:
+    """Whether a lock is touched while we watch; it is opened each time, as network file systems remember times."""
+    first_ns, end_s = _touched_ns(path), time.monotonic() + PATIENCE_S
+    while first_ns is not None and time.monotonic() < end_s:
+        time.sleep(0.2)
+        now_ns = _touched_ns(path)
+        if now_ns != first_ns:
+            return now_ns is not None
+    return False
+
+
+def _touched_ns(path: Path) -> int | None:
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        return os.fstat(file.fileno()).st_mtime_ns
+    return None
 
 
 def started(pid: int) -> str | None:

@@ -6,7 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.runs.api import evaluate, localize, map_drive, slam
-    from meshslam.runs.clock import Clock
+    from meshslam.runs.clock import Clock, peak_memory_mb
     from meshslam.runs.commands import users, uses
     from meshslam.runs.comparing import compare_cars, compare_runs
     from meshslam.runs.config import Config, InputConfig
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from meshslam.runs.settings import configured, overlaid, read_config, read_yaml, to_yaml
     from meshslam.runs.slam_run import run_slam
     from meshslam.runs.stages import metrics_json
+    from meshslam.runs.steps import DETECT, RUNS, TRACK, Step, run_step
     from meshslam.runs.truth import paths_against_truth
 else:
     __getattr__ = deferred(
         __name__,
         {
             "api": "evaluate localize map_drive slam",
-            "clock": "Clock",
+            "clock": "Clock peak_memory_mb",
             "commands": "users uses",
             "comparing": "compare_cars compare_runs",
             "config": "Config InputConfig",
@@ -46,16 +47,21 @@ else:
             "settings": "configured overlaid read_config read_yaml to_yaml",
             "slam_run": "run_slam",
             "stages": "metrics_json",
+            "steps": "DETECT RUNS TRACK Step run_step",
             "truth": "paths_against_truth",
         },
     )
 
 __all__ = [
+    "DETECT",
+    "RUNS",
+    "TRACK",
     "Clock",
     "Config",
     "InputConfig",
     "Measurable",
     "Outlet",
+    "Step",
     "check_recording",
     "compare_cars",
     "compare_runs",
@@ -71,12 +77,14 @@ __all__ = [
     "open_input",
     "overlaid",
     "paths_against_truth",
+    "peak_memory_mb",
     "read_config",
     "read_material",
     "read_yaml",
     "run_localize",
     "run_map",
     "run_slam",
+    "run_step",
     "save_localization_report",
     "save_map_report",
     "scale_notes",

@@ -62,16 +62,12 @@ def map_recording(
 ) -> Mapped:
     """Perceive, track, place the camera, map."""
     clock, category = clock or Clock(), load_category(settings.input.category)
-    # What cannot be right ends the run before the first image is looked at
-    recording = recording.with_poses_only()
-    stages.need_poses(recording)
-    recording, findings = judge_recording(recording, poses=True, imu=False)
-    say(findings, outlet)
+    recording = prepared(recording, outlet)
     logged = LoggedRun.begin(recording, outlet, recording.world_from_camera)
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run, logged.perceived)
     with clock.timing("tracking"):
-        tracked = follow(recording, seen.detections, settings, outlet)
+        tracked = follow(recording, seen.detections, settings, outlet, run)
     say(judge_tracks(recording, tracked), outlet)
     with clock.timing("mapping"):
         frames = stages.camera_path(recording, tracked, settings, outlet)
@@ -88,6 +84,15 @@ def map_recording(
         )
     logged.result(mapping.map, Trajectory(frames.times_s, frames.world_from_camera), mapping.detections)
     return Mapped(frames, mapping, clock)
+
+
+def prepared(recording: Sequence, outlet: Outlet) -> Sequence:
+    """What mapping takes of a recording: what cannot be right ends the run before the first image is looked at."""
+    recording = recording.with_poses_only()
+    stages.need_poses(recording)
+    recording, findings = judge_recording(recording, poses=True, imu=False)
+    say(findings, outlet)
+    return recording
 
 
 def run_map(

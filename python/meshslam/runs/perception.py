@@ -29,6 +29,7 @@ from meshslam.perception import (
 from meshslam.runs.config import Config
 from meshslam.runs.frame_store import FrameStore, one_set
 from meshslam.runs.outlet import Outlet
+from meshslam.runs.track_store import TrackStore
 from meshslam.sequences import Sequence, turns
 
 OnFrame = Callable[[int, Rows[Detection], Bytes | None], None]
@@ -54,19 +55,19 @@ def perceive(
     What a former run that was cut short has segmented is taken from its folder. `on_frame` is called with each frame
     that a network has looked at: index, detections, and the image if it was read.
     """
-    if config.input.segmenter is None and recording.detections_path is not None:
+    given = given_detections(recording, config)
+    if given is not None:
         if config.input.adapter is not None:
             raise ConfigError(
-                f"input.adapter: {recording.detections_path} is read, no network: leave the adapter out, or name the "
-                "network (--segmenter)"
+                f"input.adapter: {given} is read, no network: leave the adapter out, or name the network (--segmenter)"
             )
         renamed, tracked = renamings(config.input.category_names), config.tracking.categories
-        found = read_recorded_detections(recording.detections_path, recording, renamed, tracked)
+        found = read_recorded_detections(given, recording, renamed, tracked)
         for warning in found.warnings:
             outlet.note(warning)
         unused = untracked(found, tracked)
         if unused is not None:
-            outlet.note(f"{recording.detections_path}: {unused}")
+            outlet.note(f"{given}: {unused}")
         return _perceived(with_keypoints(recording, found, config, outlet), config)
     if run is None or by_colour(config):
         found = with_keypoints(recording, segment_frames(recording, config, outlet), config, outlet)
@@ -76,6 +77,11 @@ def perceive(
     if unused is not None:
         outlet.note(unused)
     return _perceived(found, config)
+
+
+def given_detections(recording: Sequence, config: Config) -> Path | None:
+    """The file of detections that is read; None where a network, or colours, tell the objects."""
+    return recording.detections_path if config.input.segmenter is None else None
 
 
 def look_at_frames(
@@ -167,8 +173,21 @@ def _finder(recording: Sequence, config: Config) -> KeypointFinder | None:
     return KeypointFinder(config.keypoints) if wanted else None
 
 
-def follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:
-    """Give the detections their tracks."""
+def follow(
+    recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet, run: RunDirectory | None = None
+) -> DetectionSet:
+    """Give the detections their tracks; those of a former run that was cut short are taken from its folder."""
+    if run is None or recording.images is None:
+        return _follow(recording, found, config, outlet)
+    store = TrackStore.of(run, recording, found, config)
+    known = store.load()
+    if known is None:
+        known = {d.id: d.track_id for d in _follow(recording, found, config, outlet).detections}
+        store.save(known)
+    return found.with_tracks(known)
+
+
+def _follow(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> DetectionSet:
     index = {frame: i for i, frame in enumerate(recording.frame_ids)}
 
     def read(frame: int) -> Bytes:

@@ -29,20 +29,17 @@ def slam_recording(
     recording: Sequence, settings: Config, outlet: Outlet, clock: Clock, run: RunDirectory | None = None
 ) -> SlamResult:
     """Perceive, track, estimate path and objects together."""
-    category, by_odometry = load_category(settings.input.category), settings.slam.poses == "odometry"
-    recording, findings = judge_recording(recording, poses=by_odometry, imu=not by_odometry)
-    say(findings, outlet)
+    category, recording = load_category(settings.input.category), prepared(recording, settings, outlet)
     logged = LoggedRun.begin(recording, outlet)
     with clock.timing("perception"):
         seen = perceive(recording, settings, outlet, run, logged.perceived)
-    say([] if by_odometry else judge_sight(recording, seen.detections), outlet)
-    notes = imu_notes(recording, settings.estimation.imu) + ([] if by_odometry else scale_notes(recording))
+    say([] if by_odometry(settings) else judge_sight(recording, seen.detections), outlet)
+    notes = imu_notes(recording, settings.estimation.imu)
+    notes += [] if by_odometry(settings) else scale_notes(recording)
     for note in notes + object_notes(recording, seen.detections):
         outlet.note(note)
     with clock.timing("tracking"):
-        # known poses beyond the first are not for SLAM, unless they are its odometry
-        blind = recording if by_odometry else replace(recording, world_from_camera=None)
-        tracked = follow(blind, seen.detections, settings, outlet)
+        tracked = follow(without_poses(recording, settings), seen.detections, settings, outlet, run)
     by_frame = tracked.by_frame()
 
     def on_state(state: SlamState, image: Bytes | None, slam: Slam) -> None:
@@ -65,6 +62,24 @@ def slam_recording(
     for note in result.notes:
         outlet.note(note)
     return result
+
+
+def prepared(recording: Sequence, settings: Config, outlet: Outlet) -> Sequence:
+    """What SLAM takes of a recording: what cannot be right ends the run before the first image is looked at."""
+    odometry = by_odometry(settings)
+    recording, findings = judge_recording(recording, poses=odometry, imu=not odometry)
+    say(findings, outlet)
+    return recording
+
+
+def without_poses(recording: Sequence, settings: Config) -> Sequence:
+    """Known poses beyond the first are not for SLAM, unless they are its odometry."""
+    return recording if by_odometry(settings) else replace(recording, world_from_camera=None)
+
+
+def by_odometry(settings: Config) -> bool:
+    """Whether the recording's poses are the odometry."""
+    return settings.slam.poses == "odometry"
 
 
 def run_slam(

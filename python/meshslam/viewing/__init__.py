@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from meshslam.viewing.comparison_plan import LETTERS
     from meshslam.viewing.context import FRAMES_IN_REPORT, ReportContext, TrueObject
+    from meshslam.viewing.fleet_table import FleetRow, fleet_page
     from meshslam.viewing.from_above import footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
     from meshslam.viewing.mcap_log import McapLog, can_write_mcap
@@ -48,6 +49,7 @@ else:
             ),
             "comparison_plan": "LETTERS",
             "context": "FRAMES_IN_REPORT ReportContext TrueObject",
+            "fleet_table": "FleetRow fleet_page",
             "from_above": "footprint",
             "markup": "jpeg_uri number table text",
             "mcap_log": "McapLog can_write_mcap",
@@ -74,6 +76,7 @@ __all__ = [
     "ComparedRun",
     "Comparison",
     "FigureRow",
+    "FleetRow",
     "Line",
     "LogTargets",
     "McapLog",
@@ -95,6 +98,7 @@ __all__ = [
     "figure_rows",
     "figure_rows_of",
     "figure_text",
+    "fleet_page",
     "footprint",
     "iterations_chart",
     "jpeg_uri",
