@@ -137,6 +137,16 @@ def test_a_foreign_folder_is_left_alone(source, tmp_path):
     assert (tmp_path / "letters" / "dear.txt").read_text() == "mine"
 
 
+def test_frames_without_a_pose_are_left_out_of_map_and_report(street, tmp_path):
+    lines = (street / "poses.tum").read_text().splitlines()
+    (street / "poses.tum").write_text("\n".join(lines[:-1]) + "\n")
+    result = done("map", street, "--out", tmp_path / "run", "--json")
+    assert json.loads(result.stdout)["frames"] == len(lines) - 1
+    assert "1 of 6 frames have no pose" in result.stderr
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert len((tmp_path / "run" / "trajectory.tum").read_text().splitlines()) == len(lines) - 1
+
+
 def test_without_truth_the_estimate_is_the_same_bytes(street, source_run, tmp_path):
     for name in ("objects.json", "association.json"):
         (street / name).unlink()

@@ -51,6 +51,14 @@ def test_another_configuration_is_refused_or_overwrites(run, config, version, di
     RunDirectory.start(run.folder, config, version)
 
 
+def test_a_setting_that_differs_is_named_with_all_that_it_stands_under(tmp_path):
+    config = "a:\n  enabled: true\nkeypoints:\n  batch: 8\n  net:\n    enabled: {}\nlast: 1\n"
+    run = RunDirectory.start(tmp_path / "run", config.format("true"), "1.0")
+    run.save("map.json", "old")
+    with pytest.raises(MapError, match=r"there 'keypoints\.net\.enabled: true', now 'keypoints\.net\.enabled: false'"):
+        RunDirectory.start(tmp_path / "run", config.format("false"), "1.0")
+
+
 def test_overwrite_starts_the_same_run_from_nothing(run):
     run.save("map.json", "old")
     assert not RunDirectory.start(run.folder, CONFIG, "1.0", overwrite=True).has("map.json")

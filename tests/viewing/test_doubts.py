@@ -14,7 +14,7 @@ def test_a_car_that_is_known_well_has_none(make_car):
     ("change", "words"),
     [
         ({"pose_covariance": np.diag([0.9, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2}, "sigma is 0.90 m"),
-        ({"vertex_observed": np.arange(642) < 6}, "1% of its surface was seen"),
+        ({"vertex_observed": np.arange(642) < 6}, "views fix 1% of its surface"),
         ({"views": 1}, "one view shows it"),
         ({"views": 2}, "2 views show it"),
         ({"mask_iou": 0.61}, "IoU 0.61"),

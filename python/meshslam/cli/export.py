@@ -23,7 +23,9 @@ def export(
     ] = None,
     origin: Annotated[
         str | None,
-        typer.Option(help="geojson: where the map is, LAT,LON[,HEIGHT[,HEADING of its x axis, clockwise from north]]."),
+        typer.Option(
+            help="geojson, 3dtiles: where the map is, LAT,LON[,HEIGHT[,HEADING of its x axis, clockwise from north]]."
+        ),
     ] = None,
     images: Annotated[
         bool, typer.Option("--images/--no-images", help="rrd, mcap: with the recording's images.")

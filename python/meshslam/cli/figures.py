@@ -57,16 +57,17 @@ def rows_of(figures: Mapping[str, object]) -> list[tuple[str, str, str, str]]:
 
 
 def left_out_line(out: Path) -> str:
-    """How many tracks were left out, and why; empty if none was, or if the run does not say."""
+    """How many tracks or views were left out, and why; empty if none was, or if the run does not say."""
     try:
-        reasons = json.loads((out / "left_out.json").read_text(encoding="utf-8"))["reasons"]
+        found = json.loads((out / "left_out.json").read_text(encoding="utf-8"))
+        what, reasons = "views" if "views" in found else "tracks", found["reasons"]
         counts = sorted(((int(count), str(name)) for name, count in reasons.items()), key=lambda row: (-row[0], row[1]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return ""
     if not counts:
         return ""
     listed = ", ".join(f"{count} {name.replace('_', ' ')}" for count, name in counts)
-    return f"left out: {sum(count for count, _ in counts)} tracks: {listed} ({out / 'left_out.json'})"
+    return f"left out: {sum(count for count, _ in counts)} {what}: {listed} ({out / 'left_out.json'})"
 
 
 def end_without(count: float) -> None:

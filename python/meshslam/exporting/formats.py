@@ -48,7 +48,7 @@ FORMATS: dict[str, Format] = {
     "tiles": Format("city", "the map in tiles, for localize in large maps", "tiles", True, of_map=True, in_tiles=True),
     "3dtiles": Format(
         "3dtiles",
-        "OGC 3D Tiles 1.1 with binary glTF; on the earth with --origin",
+        "OGC 3D Tiles 1.1 with binary glTF; on the earth with --origin and the extra geo",
         "tiles_3d",
         True,
         takes_origin=True,

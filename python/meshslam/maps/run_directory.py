@@ -205,5 +205,18 @@ def _difference(found: str, wanted: str) -> str:
     ours, theirs = wanted.splitlines(), found.splitlines()
     for a, b in zip(theirs, ours, strict=False):
         if a != b:
-            return f"there {a.strip().removeprefix('# ')!r}, now {b.strip().removeprefix('# ')!r}"
+            above = _above(ours, b)
+            return f"there {above + a.strip().removeprefix('# ')!r}, now {above + b.strip().removeprefix('# ')!r}"
     return f"there {len(theirs)} lines, now {len(ours)}"
+
+
+def _above(lines: list[str], line: str) -> str:
+    """The names that a YAML line stands under, with dots."""
+    names: list[str] = []
+    depth = len(line) - len(line.lstrip())
+    for before in reversed(lines[: lines.index(line)]):
+        indent = len(before) - len(before.lstrip())
+        if indent < depth:
+            names.insert(0, before.strip().removesuffix(":"))
+            depth = indent
+    return "".join(f"{name}." for name in names)

@@ -78,7 +78,7 @@ def map_drive(
     clock = Clock()
     seen = _Seen(segmenter, adapter, classes, detections, keypoints)
     recording, settings, outlet = _opened(drive, seen, category, config, progress, log, use_imu=False)
-    return map_recording(recording, settings, outlet, clock=clock).result(recording, outlet)
+    return map_recording(recording, settings, outlet, clock=clock).result(recording.with_poses_only(), outlet)
 
 
 def localize(

@@ -9,6 +9,7 @@ from meshslam.errors import MapError
 from meshslam.evaluation import evaluate_run
 from meshslam.localization import Localization, LocalizedFrame, localize_sequence
 from meshslam.maps import Map, RunDirectory, TiledMap, Trajectory
+from meshslam.motion import check_imu
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
@@ -35,6 +36,7 @@ def localize_recording(
     recording, findings = judge_recording(recording, poses=False, imu=True)
     judged = judge_map(scene, settings.input.map or "the map") if isinstance(scene, Map) else []
     say(findings + judged, outlet)
+    check_imu(recording, settings.estimation.imu)  # before an hour of images is looked at
     logged = LoggedRun.begin(recording, outlet)
     if isinstance(scene, Map):
         logged.objects(scene.objects)

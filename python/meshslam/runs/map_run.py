@@ -107,7 +107,7 @@ def run_map(
 
 def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clock) -> dict[str, float]:
     """The same where the run is not there yet."""
-    recording, run = begun.recording, begun.run
+    recording, run = begun.recording.with_poses_only(), begun.run
     made = map_recording(recording, settings, outlet, run, clock)
     stages.save(recording, made.frames, made.mapping, run)
     save_left_out_tracks(made.mapping, run, outlet)

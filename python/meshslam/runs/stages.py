@@ -70,6 +70,7 @@ def _figures_there(recording: Sequence, run: RunDirectory, outlet: Outlet) -> di
     figures = read_figures(run.folder)
     for note in figures.pop("notes", []):
         outlet.note(note)
+    outlet.note(f"{run.folder}: the run is complete already, nothing was computed: --overwrite runs it anew")
     return figures
 
 

@@ -20,7 +20,7 @@ def doubts(thing: MapObject) -> list[str]:
     if sigma is not None and sigma > LARGE_SIGMA_M:
         found.append(f"its position is uncertain: sigma is {sigma:.2f} m")
     if seen is not None and seen < LITTLE_SEEN:
-        found.append(f"{100 * seen:.0f}% of its surface was seen, the rest is the category's prior")
+        found.append(f"views fix {100 * seen:.0f}% of its surface to 5 cm, the rest follows the category's shapes")
     if 0 < thing.views < FEW_VIEWS:
         found.append("one view shows it" if thing.views == 1 else f"{thing.views} views show it")
     if thing.mask_iou is not None and thing.mask_iou < LOW_MASK_IOU:

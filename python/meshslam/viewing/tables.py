@@ -79,7 +79,7 @@ STAGES = (
 EXPLAINED = {
     "mask IoU": "overlap of the mesh with the masks, mean over the views",
     "position, 1 &sigma;": "standard deviation along the least certain axis",
-    "surface seen": "share of the vertices that some view shows; the rest is the category's prior",
+    "surface measured": "share of the vertices that the views fix to 5 cm; the rest follows the category's shapes",
 }
 ERROR = "distance of the centre from the true one"
 UNITS = {"m": "m", "deg": "°", "percent": "%", "mb": "MB", "px": "px", "s": "s"}

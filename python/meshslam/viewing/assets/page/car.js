@@ -10,7 +10,7 @@ const makeCarPanel = (run, state, images) => {
     const rows = [
       ["size", `${o.dimensions.map((v) => v.toFixed(2)).join(" × ")} m`],
       ["position, 1 σ", o.position_sigma === null ? "–" : `${fixed(100 * o.position_sigma, 1)} cm`],
-      ["surface seen", o.seen_share === null ? "–" : `${fixed(100 * o.seen_share, 0)}%`],
+      ["surface measured", o.seen_share === null ? "–" : `${fixed(100 * o.seen_share, 0)}%`],
       ["mask IoU", fixed(o.mask_iou, 3)],
       ["views in the map", String(o.views)],
       ...(o.error ? [["centre to truth", `${fixed(o.error.centre, 2)} m`], ["yaw to truth", `${fixed(o.error.yaw, 1)}°`], ["voxel IoU", fixed(o.error.voxel_iou, 2)]] : []),
