@@ -105,7 +105,14 @@ def test_another_user_changes_nothing_and_is_told_in_one_line(cases, zygote):
         assert "Permission denied" in zygote.said
 
 
-@pytest.mark.parametrize("limit_bytes", [100, 3000])
+FILES = {  # the first that is larger, of `simulate` and of `map`
+    50: (r"\S*meshslam-lock", r"\S*meshslam-lock"),
+    250: ("camera.yaml", "config.yaml"),
+    3000: ("detections.json", "detections.json"),
+}
+
+
+@pytest.mark.parametrize("limit_bytes", [50, 250, 3000])
 def test_a_file_that_the_disk_does_not_take_is_named(cases, tmp_path, limit_bytes):
     def limited():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # write() then fails, as on a full disk, with no name
@@ -113,8 +120,8 @@ def test_a_file_that_the_disk_does_not_take_is_named(cases, tmp_path, limit_byte
 
     drive = cases["map"].arguments[1]
     for arguments, file in (
-        (["simulate", tmp_path / "sim", "--frames", "2"], {100: "camera.yaml", 3000: "detections.json"}[limit_bytes]),
-        (["map", drive, "--out", tmp_path / "run"], {100: "config.yaml", 3000: "detections.json"}[limit_bytes]),
+        (["simulate", tmp_path / "sim", "--frames", "2"], FILES[limit_bytes][0]),
+        (["map", drive, "--out", tmp_path / "run"], FILES[limit_bytes][1]),
     ):
         command = [sys.executable, "-m", "meshslam", *map(str, arguments)]
         ended = subprocess.run(command, capture_output=True, text=True, preexec_fn=limited, check=False)

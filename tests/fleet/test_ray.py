@@ -35,12 +35,12 @@ def cluster():
     """A head of one CPU, and a node of one."""
     from ray.cluster_utils import Cluster
 
-    if "RAY_AUTH_TOKEN" not in os.environ:
-        os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)  # or Ray leaves one in the home folder
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    yield made
-    made.shutdown()
-    del os.environ["RAY_AUTH_TOKEN"]
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as temporary:
+        patch.setenv("TMPDIR", temporary)  # of its workers: other tests have theirs
+        patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))  # or Ray leaves one in the home folder
+        made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+        yield made
+        made.shutdown()
 
 
 def tell(out):
@@ -76,18 +76,22 @@ def test_a_worker_and_a_node_are_killed_and_nothing_is_missing_or_done_twice(clu
 def test_without_a_shared_folder_files_travel_through_the_object_store(cluster, few_file, singles, tmp_path):
     out, given = tmp_path / "out", ("--engine", "ray", "--address", cluster.address, "--no-shared-folder")
     process = begin_fleet(tmp_path / "log", few_file, "--out", out, *given)
-    seen(lambda: killed_without_folder())
+    seen(lambda: killed_without_folder(Path(os.environ["TMPDIR"])))
     assert process.wait(timeout=240) == 0
     assert_equal_to_singles(out, singles, NAMES[:2])
     assert "its worker was lost" in (tmp_path / "log").read_text()
 
 
-def killed_without_folder():
+def killed_without_folder(temporary):
     """A worker that has a run directory in its temporary folder, which is at work therefore."""
-    for lock in Path(tempfile.gettempdir()).glob(f"meshslam-fleet-*/*/{LOCK}"):
+    for lock in temporary.glob(f"meshslam-fleet-*/*/{LOCK}"):
         with contextlib.suppress(OSError, ValueError, KeyError):
-            os.kill(json.loads(lock.read_text())["pid"], signal.SIGKILL)
-            return True
+            pid = json.loads(lock.read_text())["pid"]
+            os.kill(pid, signal.SIGSTOP)
+            if lock.exists():
+                os.kill(pid, signal.SIGKILL)
+                return True
+            os.kill(pid, signal.SIGCONT)
     return False
 
 

@@ -164,6 +164,23 @@ def test_a_process_that_is_lost_takes_no_other_with_it(tmp_path):
     assert engine._all == []
 
 
+def test_this_machine_takes_what_its_cpus_hold(tmp_path):
+    from dataclasses import replace
+
+    engine = Processes(None, cpus=2.0)
+    try:
+        assert engine.has_room(Needs(cpus=99.0))
+        engine.submit(replace(job(tmp_path, "a"), needs=Needs(cpus=1.5)))
+        assert engine.has_room(Needs(cpus=0.5))
+        assert not engine.has_room(Needs())
+        waited(engine)
+        engine.submit(replace(job(tmp_path, "b"), needs=Needs(cpus=2.0)))
+        assert len(engine._all) == 1  # one of other threads took its place
+        assert not engine.has_room(Needs(cpus=0.5))
+    finally:
+        engine.close()
+
+
 def test_a_cluster_takes_what_its_cpus_hold(tmp_path):
     from dataclasses import replace
 

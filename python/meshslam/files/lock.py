@@ -14,6 +14,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from io import FileIO
 from pathlib import Path
 
 from meshslam.errors import MapError, MeshslamError
@@ -106,17 +107,28 @@ def _take(path: Path, error: type[MeshslamError]) -> dict[str, object] | None:
             handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as problem:
             raise error(f"{path.parent}: cannot be written: {problem.strerror}") from None
-        with os.fdopen(handle, "r+b") as file:
+        with os.fdopen(handle, "r+b", buffering=0) as file:
             _alone(file.fileno())
             if not _is_current(file.fileno(), path):
                 continue  # its holder has just removed it
             holder = _holder(file.read(), path)
             if holder is not None:
                 return holder
-            file.seek(0)
-            file.truncate()
-            file.write(json.dumps({"pid": os.getpid(), "started": started(os.getpid()), **_here()}).encode())
+            _write(file, path, error)
             return None
+
+
+def _write(file: FileIO, path: Path, error: type[MeshslamError]) -> None:
+    """Put this process into the lock file; `error` names the file if the disk does not take it."""
+    content = json.dumps({"pid": os.getpid(), "started": started(os.getpid()), **_here()}).encode()
+    try:
+        file.seek(0)
+        file.truncate()
+        while content:
+            content = content[file.write(content) :]
+    except OSError as problem:
+        path.unlink(missing_ok=True)
+        raise error(f"{path}: cannot be written: {problem.strerror}") from None
 
 
 def _alone(handle: int) -> None:

@@ -75,22 +75,25 @@ class Worker:
 
 @dataclass
 class Processes:
-    """As many jobs at once as there are workers."""
+    """As many jobs at once as the machine's CPUs hold, or as there are `workers`."""
 
-    workers: int
+    workers: int | None = None
+    cpus: float = field(default_factory=lambda: float(usual_cpus()))
     _all: list[Worker] = field(default_factory=list)
 
     def has_room(self, needs: Needs) -> bool:
-        """Whether a worker is free."""
-        del needs  # resources are names of Ray's
-        return len(self._busy()) < self.workers
+        """Whether a job with these needs can begin now; resources beside CPUs are Ray's."""
+        held = [worker.job.needs.cpus for worker in self._all if worker.job is not None]
+        if self.workers is not None:
+            return len(held) < self.workers
+        return not held or sum(held) + needs.cpus <= self.cpus
 
     def submit(self, job: Job) -> None:
         """Give a job to a worker with its number of threads."""
         idle = [worker for worker in self._all if worker.job is None]
         fitting = next((worker for worker in idle if worker.threads == job.needs.threads), None)
         if fitting is None:
-            if idle and len(self._all) >= self.workers:
+            if idle:
                 self._drop(idle[0])
             fitting = Worker.start(job.needs.threads)
             self._all.append(fitting)
@@ -140,6 +143,6 @@ class Processes:
         worker.end()
 
 
-def usual_workers() -> int:
+def usual_cpus() -> int:
     """As many as there are CPUs for this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

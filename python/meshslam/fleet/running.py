@@ -32,9 +32,9 @@ def engine_of(name: str, address: str | None, workers: int | None) -> Engine:
         raise ConfigError(f"--engine {name}: there are local and ray")
     if address is not None:
         raise ConfigError("--address is that of a Ray cluster: give --engine ray, too")
-    from meshslam.fleet.processes import Processes, usual_workers
+    from meshslam.fleet.processes import Processes
 
-    return Processes(workers or usual_workers())
+    return Processes(workers)
 
 
 def run_fleet(
