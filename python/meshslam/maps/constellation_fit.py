@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshslam.geometry import Floats, Ints, Pose
-from meshslam.maps.constellation import Constellation, ConstellationConfig, headings_apart, turned
+from meshslam.maps.constellation import Constellation, ConstellationConfig, headings_apart
 from meshslam.maps.neighbours import GroundGrid
 
 _ROUNDS = 4  # of matching and fitting
@@ -76,7 +76,7 @@ def _matched(
     *,
     level: bool,
 ) -> tuple[Ints, Ints, Floats, Ints]:
-    """Pairs one to one, the likeliest first, with their gains; and the objects of `seen` that overlap any of `known`."""
+    """Pairs one to one, the likeliest first, with their gains; and what of `seen` overlaps any of `known`."""
     placed = pose.transform(seen.places)
     s, k = grid.near(placed[:, :2])
     away = placed[s] - known.places[k]

@@ -120,7 +120,8 @@ def _most_voted(yaws: Floats, middles: Floats, cell_m: float, count: int) -> tup
     total = np.bincount(chosen[there], minlength=len(best)).astype(float)
 
     def mean(values: Floats) -> Floats:
-        return np.bincount(chosen[there], values[there], len(best)) / total
+        mean_votes: Floats = np.bincount(chosen[there], values[there], len(best)) / total
+        return mean_votes
 
     yaw = np.arctan2(mean(np.sin(yaws)), mean(np.cos(yaws)))
     return yaw, np.column_stack([mean(middles[:, 0]), mean(middles[:, 1])])

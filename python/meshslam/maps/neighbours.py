@@ -28,18 +28,18 @@ class GroundGrid:
     @staticmethod
     def of(points: Floats, radius_m: float) -> GroundGrid:
         """Sort points (n, 2) by cells as large as the radius, metres."""
-        keys = _key(np.floor(points / radius_m).astype(np.int64))
+        keys = _key(_cells(points, radius_m))
         order = np.argsort(keys, kind="stable")
         return GroundGrid(points, radius_m, order, keys[order])
 
     def near(self, queries: Floats) -> tuple[Ints, Ints]:
         """Indices (k,) of queries (m, 2) and of the points within the radius of each, by query, then by point."""
-        cells = np.floor(queries / self.radius_m).astype(np.int64)
+        cells = _cells(queries, self.radius_m)
         who, found = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for column in (-1, 0, 1):
             # the three cells of a column lie side by side in the order of keys
-            first = np.searchsorted(self._keys, _key(cells + [column, -1]), "left")
-            last = np.searchsorted(self._keys, _key(cells + [column, 1]), "right")
+            first = np.searchsorted(self._keys, _key(cells + np.array([column, -1])), "left")
+            last = np.searchsorted(self._keys, _key(cells + np.array([column, 1])), "right")
             query, place = spans(first, last)
             who.append(query)
             found.append(self._order[place])
@@ -60,6 +60,11 @@ def spans(first: Ints, last: Ints) -> tuple[Ints, Ints]:
     who = np.repeat(np.arange(len(first)), count)
     start = np.cumsum(count) - count
     return who, np.arange(int(count.sum())) - start[who] + first[who]
+
+
+def _cells(points: Floats, size_m: float) -> Ints:
+    found: Ints = np.floor(points / size_m).astype(np.int64)
+    return found
 
 
 def _key(cells: Ints) -> Ints:
