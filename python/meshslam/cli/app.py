@@ -22,6 +22,7 @@ from meshslam.cli.evaluate import evaluate
 from meshslam.cli.export import export
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
+from meshslam.cli.merge import merge
 from meshslam.cli.models import models_app
 from meshslam.cli.quiet import can_be_quiet
 from meshslam.cli.reproduce import reproduce_app
@@ -63,6 +64,7 @@ def options(
 app.command("map")(can_be_quiet(map_))
 app.command("localize")(can_be_quiet(localize))
 app.command("slam")(can_be_quiet(slam))
+app.command("merge")(can_be_quiet(merge))
 app.command("detect")(can_be_quiet(detect))
 app.command("convert")(can_be_quiet(convert))
 app.command("evaluate")(evaluate)

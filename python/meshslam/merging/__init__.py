@@ -6,6 +6,7 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.merging.config import MergingConfig, VisitConfig
+    from meshslam.merging.documents import drives_json, visits_json
     from meshslam.merging.drives import Drive, DriveViews, drive_names, in_order, read_drives
     from meshslam.merging.merge import merge_drives
     from meshslam.merging.moves import MergedCar
@@ -16,6 +17,7 @@ else:
         __name__,
         {
             "config": "MergingConfig VisitConfig",
+            "documents": "drives_json visits_json",
             "drives": "Drive DriveViews drive_names in_order read_drives",
             "merge": "merge_drives",
             "moves": "MergedCar",
@@ -35,7 +37,9 @@ __all__ = [
     "VisitConfig",
     "World",
     "drive_names",
+    "drives_json",
     "in_order",
     "merge_drives",
     "read_drives",
+    "visits_json",
 ]

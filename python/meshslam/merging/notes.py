@@ -9,7 +9,7 @@ import numpy as np
 from meshslam.merging.config import MergingConfig
 from meshslam.merging.links import Linking
 from meshslam.merging.moves import MergedCar
-from meshslam.merging.result import LaidDrive, Merged, World, position_sigma_m
+from meshslam.merging.result import LaidDrive, Merged, World
 
 _LISTED = 8  # names in a note
 
@@ -29,7 +29,7 @@ def figures_of(found: Merged) -> dict[str, float]:
     first = found.worlds[0]
     shared = [car for car in first.cars if len(car.seen_in) > 1]
     gaps = np.concatenate([np.zeros(0), *(drive.residuals_m for drive in first.drives)])
-    sigmas = [position_sigma_m(drive.covariance) for drive in first.drives if drive.how != "world"]
+    sigmas = [laid.sigmas_at(first.middle_of(found, laid))[0] for laid in first.drives]
     rows: dict[str, float] = {
         "drives": len(found.drives),
         "worlds": len(found.worlds),

@@ -26,6 +26,13 @@ class LaidDrive:
     mean_error: float  # mean squared residual, in variances; 1 is what is expected
     how: str  # world, constellation, given or alone
 
+    def sigmas_at(self, place_in_drive: Floats) -> tuple[float, float]:
+        """Standard deviations of the drive's world about a place (3,) of it: metres, all axes together, and degrees."""
+        moved = Pose(np.eye(3), place_in_drive).inverse().adjoint()
+        there = moved @ self.covariance @ moved.T
+        place, turn = (float(np.sqrt(max(0.0, np.trace(part)))) for part in (there[:3, :3], there[3:, 3:]))
+        return place, float(np.degrees(turn))
+
 
 @dataclass(frozen=True, eq=False)
 class World:
@@ -34,6 +41,12 @@ class World:
     drives: tuple[LaidDrive, ...]
     cars: tuple[MergedCar, ...]
     variance_factor: float
+
+    def middle_of(self, merged: Merged, laid: LaidDrive) -> Floats:
+        """The middle (3,) of a drive's cars, in its own world: the world's origin may be far from the drive."""
+        places = [thing.world_from_object.translation for thing in merged.drives[laid.index].map.objects]
+        found: Floats = np.mean(places, axis=0) if places else np.zeros(3)
+        return found
 
     @property
     def standing(self) -> Map:
@@ -81,8 +94,3 @@ class Merged:
                 poses = tuple(laid.world_from_drive @ pose for pose in drive.trajectory.world_from_camera)
                 found[drive.name] = Trajectory(drive.trajectory.times_s, poses)
         return found
-
-
-def position_sigma_m(covariance: Floats) -> float:
-    """Standard deviation of a position, all axes together."""
-    return float(np.sqrt(np.trace(covariance[:3, :3])))
