@@ -7,18 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshslam.categories import Category, load_category
-from meshslam.errors import CategoryError, MapError
+from meshslam.categories import Category
+from meshslam.errors import MapError
 from meshslam.maps import MapObject
 from meshslam.merging.config import MergingConfig
 from meshslam.merging.drives import Drive
+from meshslam.merging.fitting import fitted_together
 from meshslam.merging.fusion import fused
 from meshslam.merging.laying import LaidComponent, lay_component
 from meshslam.merging.links import Progress, link_drives
 from meshslam.merging.moves import MergedCar, told_apart
 from meshslam.merging.notes import figures_of, notes_of
 from meshslam.merging.places import Place, pose_of
-from meshslam.merging.refitting import Refitted, refit_cars, refitting_of
+from meshslam.merging.refitting import FusedCar
 from meshslam.merging.result import LaidDrive, Merged, World
 from meshslam.merging.visits import Visit, visit_without
 from meshslam.objects import ObjectConfig
@@ -56,12 +57,12 @@ def merge_drives(
         # Where each lies, and which cars are one
         laid = lay_component(drives, component, config)
         # One estimate a car: fused, then fitted to the views of all drives
-        things = [fused(k, drives, laid, place, config) for k, place in enumerate(laid.places, 1)]
+        fused_cars = [FusedCar(p, fused(k, drives, laid, p, config)) for k, p in enumerate(laid.places, 1)]
         if config.use_views:
-            things, said = _refitted(drives, laid, things, objects, config, categories or {}, progress)
+            fused_cars, said = fitted_together(drives, laid, fused_cars, objects, config, categories or {}, progress)
             contradicting += said
         # What each drive says of each car, and which have moved
-        cars = _visited(drives, laid, things, config, progress)
+        cars = _visited(drives, laid, fused_cars, config, progress)
         kept = told_apart(cars, config)
         worlds.append(World(_laid_drives(drives, laid, config), tuple(_numbered(kept)), laid.variance_factor))
     found = Merged(tuple(drives), tuple(worlds), {}, ())
@@ -69,62 +70,20 @@ def merge_drives(
     return replace(found, figures=figures_of(found), notes=notes)
 
 
-def _refitted(
-    drives: Sequence[Drive],
-    laid: LaidComponent,
-    things: list[MapObject],
-    objects: ObjectConfig,
-    config: MergingConfig,
-    categories: Mapping[str, Category],
-    progress: Progress | None,
-) -> tuple[list[MapObject], list[str]]:
-    """The cars with those of several drives fitted to all views, and notes on those whose views contradict."""
-    found, notes = list(things), list[str]()
-    for name in sorted({thing.category for thing in things}):
-        category = _category(name, categories)
-        shared = None if category is None else refitting_of(drives, laid, category, objects, config)
-        if shared is None:
-            continue
-        rows = [k for k, p in enumerate(laid.places) if len(p.members) > 1 and things[k].category == name]
-        fits = refit_cars(shared, [(laid.places[k], things[k]) for k in rows], progress)
-        for k, fit in zip(rows, fits, strict=True):
-            if fit.thing is not None:
-                found[k] = fit.thing
-            elif fit.is_conflict:
-                notes.append(_said(drives, laid.places[k], fit))
-    return found, notes
-
-
-def _said(drives: Sequence[Drive], place: Place, fit: Refitted) -> str:
-    cars = ", ".join(f"{drives[d].name}/{number}" for d, number in sorted(place.members.items()))
-    return f"{cars}: {fit.reason}: fused by the figures of the maps"
-
-
-def _category(name: str, categories: Mapping[str, Category]) -> Category | None:
-    """None for a category that is not at hand: its cars are fused by their figures."""
-    if name in categories:
-        return categories[name]
-    try:
-        return load_category(name)
-    except CategoryError:
-        return None
-
-
 def _visited(
     drives: Sequence[Drive],
     laid: LaidComponent,
-    things: Sequence[MapObject],
+    fused_cars: Sequence[FusedCar],
     config: MergingConfig,
     progress: Progress | None,
 ) -> list[MergedCar]:
     found = []
-    for k, (place, thing) in enumerate(zip(laid.places, things, strict=True), 1):
-        visits = tuple(
-            _visit(drives, laid, drive, place, thing, config) for drive in sorted(laid.aligned.world_from_drive)
-        )
-        found.append(MergedCar(thing, visits))
+    for k, car in enumerate(fused_cars, 1):
+        indices = sorted(laid.aligned.world_from_drive)
+        visits = tuple(_visit(drives, laid, index, car.place, car.thing, config) for index in indices)
+        found.append(MergedCar(car.thing, visits))
         if progress is not None:
-            progress("visits", k, len(things))
+            progress("visits", k, len(fused_cars))
     return found
 
 

@@ -37,8 +37,22 @@ from meshslam.objects import (
 
 Given = TypeVar("Given")
 Made = TypeVar("Made")
-Car = tuple[Place, MapObject]  # where it stands, and its estimate so far
 _WORSE = 0.05  # mask IoU by which views together may fit worse than apart, before they contradict each other
+
+
+@dataclass(frozen=True, eq=False)
+class FusedCar:
+    """A car with its number in each drive, and its estimate so far; it may also stand where `others` say."""
+
+    place: Place
+    thing: MapObject
+    others: tuple[Pose, ...] = ()
+
+    @property
+    def starts(self) -> tuple[Pose, ...]:
+        """Poses that a fit begins with; both headings where the drives do not agree on one."""
+        poses = (self.thing.world_from_object, *self.others)
+        return (*poses, *map(flipped, poses)) if self.place.turned else poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +101,7 @@ def refitting_of(
     return Refitting(drives, laid, scene, {d: occluders_of(drives[d]) for d in views}, config)
 
 
-def refit_cars(shared: Refitting, cars: Sequence[Car], progress: Progress | None = None) -> list[Refitted]:
+def refit_cars(shared: Refitting, cars: Sequence[FusedCar], progress: Progress | None = None) -> list[Refitted]:
     """Fit each car from where it was fused to stand: first for the noise of the masks, then with it."""
     begun = _each("fit together", lambda car: _first_fit(shared, car), cars, progress)
     over = [distances for one in begun if one is not None for distances in one[1]]
@@ -96,22 +110,20 @@ def refit_cars(shared: Refitting, cars: Sequence[Car], progress: Progress | None
     return _each("shape together", lambda pair: _final_fit(known, pair[0], pair[1]), pairs, progress)
 
 
-def _first_fit(shared: Refitting, car: Car) -> tuple[Reconstruction, tuple[Floats, ...]] | None:
+def _first_fit(shared: Refitting, car: FusedCar) -> tuple[Reconstruction, tuple[Floats, ...]] | None:
     """A car's first fit, and what its masks' borders leave over; its views are let go."""
-    place, thing = car
-    seen, scene = shared.observe(place), shared.scene
+    thing = car.thing
+    seen, scene = shared.observe(car.place), shared.scene
     if seen is None or len(thing.vertices) != len(scene.category.vertices):
         return None
-    pose = thing.world_from_object
-    starts = [pose, flipped(pose)] if place.turned else [pose]
-    found = cheapest(fit_modes(seen.observed, scene, starts), seen.observed.track)
+    found = cheapest(fit_modes(seen.observed, scene, car.starts), seen.observed.track)
     step = scene.config.noise.outline_step_px
     return found, tuple(scene.model.border_distances_px(seen.observed.views, found.state, step))
 
 
-def _final_fit(shared: Refitting, car: Car, begun: tuple[Reconstruction, tuple[Floats, ...]] | None) -> Refitted:
-    place, thing = car
-    seen, scene = shared.observe(place), shared.scene
+def _final_fit(shared: Refitting, car: FusedCar, begun: tuple[Reconstruction, tuple[Floats, ...]] | None) -> Refitted:
+    thing = car.thing
+    seen, scene = shared.observe(car.place), shared.scene
     if seen is None or begun is None:
         return Refitted(None, "fewer than two drives have views of it")
     first = begun[0]
