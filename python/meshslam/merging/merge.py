@@ -18,7 +18,7 @@ from meshslam.merging.laying import LaidComponent, lay_component
 from meshslam.merging.links import Progress, link_drives
 from meshslam.merging.moves import MergedCar, told_apart
 from meshslam.merging.notes import figures_of, notes_of
-from meshslam.merging.places import Place, pose_of
+from meshslam.merging.places import Place, own_covariance, pose_of
 from meshslam.merging.refitting import FusedCar
 from meshslam.merging.result import LaidDrive, Merged, World
 from meshslam.merging.visits import Visit, visit_without
@@ -116,12 +116,20 @@ def _laid_drives(drives: Sequence[Drive], laid: LaidComponent, config: MergingCo
     for index, pose in sorted(laid.aligned.world_from_drive.items()):
         keys = [key for key in sorted(laid.laid.residuals) if key[0] == index]
         gaps = np.array([np.linalg.norm(laid.laid.residuals[key][:2]) for key in keys])
-        errors = [laid.laid.errors[key] / 6 for key in keys]
+        errors = [_lateral_error(laid, drives, key, config) for key in keys]
         covariance = laid.laid.covariance(index, index)
         mean_error = float(np.mean(errors)) if errors else 0.0
         how = _how(laid, index, len(keys), config)
         found.append(LaidDrive(index, pose, covariance, len(keys), gaps, mean_error, how))
     return tuple(found)
+
+
+def _lateral_error(laid: LaidComponent, drives: Sequence[Drive], key: tuple[int, int], config: MergingConfig) -> float:
+    """Squared residual of a car on the ground, in variances, 1 on average: less than a variance is left by the fit."""
+    place = laid.places[key[1]]
+    count, residual = len(place.members), laid.laid.residuals[key][:2]
+    spread = own_covariance(drives[key[0]].map[place.members[key[0]]], config)[:2, :2]
+    return float(residual @ np.linalg.solve(spread, residual)) / 2 * count / (count - 1)
 
 
 def _how(laid: LaidComponent, index: int, shared: int, config: MergingConfig) -> str:

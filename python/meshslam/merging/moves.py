@@ -12,7 +12,7 @@ from meshslam.merging.config import MergingConfig
 from meshslam.merging.places import one_size
 from meshslam.merging.visits import Visit
 
-_OVERLAP_M = 1.8  # centres of two cars are further apart: nearer, one has taken the other's place
+_OVERLAP = 0.8  # of their lengths and widths: nearer, two cars cannot both stand
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,7 @@ def _moved_m(before: MergedCar, after: MergedCar, config: MergingConfig) -> floa
         return None
     later = {visit.drive: visit.status for visit in before.visits if visit.drive >= min(after.seen_in)}
     earlier = {visit.drive: visit.status for visit in after.visits if visit.drive <= max(before.seen_in)}
-    overlaps = gap < _OVERLAP_M  # both cannot stand there at once
-    left = all(later[drive] == "absent" for drive in after.seen_in) or overlaps
+    left = all(later[drive] == "absent" for drive in after.seen_in) or _overlap(before, after)
     came = all(earlier[drive] != "detected" for drive in before.seen_in)
     return gap if left and came else None
 
@@ -94,7 +93,7 @@ def _without_overlaps(cars: list[MergedCar]) -> list[MergedCar]:
     left = dict(enumerate(cars))
     for i, one in enumerate(cars):
         for j, other in enumerate(cars[:i]):
-            if "gone" not in (left[i].status, left[j].status) and _apart_m(one, other) < _OVERLAP_M:
+            if "gone" not in (left[i].status, left[j].status) and _overlap(one, other):
                 k = j if _outlasts(one, other) else i
                 left[k] = _replaced(left[k], left[i if k == j else j])
     return list(left.values())
@@ -117,6 +116,12 @@ def _replaced(car: MergedCar, by: MergedCar) -> MergedCar:
     if all(v.status != "gone" for v in visits):  # both were seen by the same drives: the worse of two estimates
         visits = tuple(replace(v, status="gone") if v.number is not None else v for v in visits)
     return replace(car, visits=visits)
+
+
+def _overlap(one: MergedCar, other: MergedCar) -> bool:
+    """Whether two cars would stand in each other, as boxes along the first one's axes."""
+    apart = np.abs(one.thing.world_from_object.inverse().transform(other.thing.world_from_object.translation))
+    return bool((apart[:2] < _OVERLAP * (one.thing.dimensions + other.thing.dimensions)[:2] / 2).all())
 
 
 def _apart_m(one: MergedCar, other: MergedCar) -> float:

@@ -12,6 +12,7 @@ from meshslam.merging.moves import MergedCar
 from meshslam.merging.result import LaidDrive, Merged, World
 
 _LISTED = 8  # names in a note
+_MOST_MOVED = 0.3  # of a drive's cars: of more it is the drive that is bent
 
 
 def notes_of(found: Merged, linking: Linking, config: MergingConfig) -> tuple[str, ...]:
@@ -104,9 +105,12 @@ def _bent(found: Merged, config: MergingConfig) -> Iterator[str]:
     """Drives whose cars do not fit the others' by one rigid motion."""
     for world in found.worlds:
         for laid in world.drives:
-            if laid.mean_error > config.bent_share and laid.shared_cars > 2:
+            moved = sum(any(v.drive == laid.index and v.status == "moved" for v in car.visits) for car in world.cars)
+            strange = laid.mean_error > config.bent_share or moved > max(2, _MOST_MOVED * laid.shared_cars)
+            if strange and laid.shared_cars > 2:
                 yield (
                     f"{found.drives[laid.index].name}: its cars lie {100 * float(np.median(laid.residuals_m)):.0f} cm "
                     f"(median) and up to {100 * float(laid.residuals_m.max()):.0f} cm from where all drives have them, "
-                    f"more than their sigmas say (mean square {laid.mean_error:.1f}): its path is bent"
+                    f"and {moved} seem to have moved (mean squared residual {laid.mean_error:.1f} variances): its path "
+                    "is bent"
                 )

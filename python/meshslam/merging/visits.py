@@ -76,12 +76,13 @@ def _shown(
         return "outside"
     drawn = _drawn(views.camera, [(at, thing)], box)
     before = [(pose, o) for o in own if _is_before(pose := camera_from_drive @ o.world_from_object, at)]
-    free = drawn & ~_drawn(views.camera, before, box)
+    free, mapped = drawn & ~_drawn(views.camera, before, box), {o.id for o in own}
     left, top, width, height = box
     for detection in views.detections.by_frame().get(views.frame_ids[index], ()):
         mask = detection.mask()[top : top + height, left : left + width] > 0
         union = int((mask | drawn).sum()) + detection.area_px - int(mask.sum())
-        if detection.category == thing.category and int((mask & drawn).sum()) > _DETECTED_IOU * union:
+        is_other = detection.track_id in mapped or detection.category != thing.category
+        if not is_other and int((mask & drawn).sum()) > _DETECTED_IOU * union:
             return "detected"
         free &= ~mask
     return "free" if free.sum() >= config.min_free_share * max(1, drawn.sum()) else "hidden"
