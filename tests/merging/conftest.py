@@ -22,14 +22,14 @@ def any_pose(rng):
 def street(car):
     """Make the cars of a street along x, by number: poses and meshes."""
 
-    def make(seed, count=10):
+    def make(seed, count=10, spacing_m=5.0):
         rng = np.random.default_rng(seed)
         cars = {}
         for k in range(count):
             shape = car.vertices + 0.6 * np.tensordot(rng.normal(size=len(car.modes)), car.modes, 1)
             shape = shape - (shape.max(0) + shape.min(0)) / 2
             side = 1 if k % 2 else -1
-            place = [5.0 * k + rng.uniform(-1.2, 1.2), side * rng.uniform(3.6, 4.6), np.ptp(shape[:, 2]) / 2]
+            place = [spacing_m * k + rng.uniform(-1.2, 1.2), side * rng.uniform(3.6, 4.6), np.ptp(shape[:, 2]) / 2]
             yaw = rng.normal(0, 0.03) + np.pi * (rng.random() < 0.3)
             cars[k + 1] = Pose.from_yaw(float(yaw), np.array(place)), shape
         return cars

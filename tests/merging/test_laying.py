@@ -79,7 +79,7 @@ def test_drives_hang_together_through_a_third(street, drive_by):
 def test_a_drive_of_another_street_keeps_its_world_and_the_reason_is_told(street, drive_by):
     one, _ = drive_by("here", street(3), 1)
     two, _ = drive_by("here again", street(3), 2)
-    other, _ = drive_by("elsewhere", street(77), 3)
+    other, _ = drive_by("elsewhere", street(77, 10, 8.1), 3)
     merged = merge_drives((other, one, two), NO_VIEWS)
     assert [[merged.drives[d.index].name for d in world.drives] for world in merged.worlds] == [
         ["here", "here again"],

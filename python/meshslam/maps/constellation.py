@@ -30,6 +30,7 @@ class ConstellationConfig(Settings):
     min_evidence: float = public(
         6.0, low=0, doc="logarithm of the odds against chance, below which a constellation is not taken"
     )
+    min_agreement: float = expert(4.4, low=0)  # of evidence for each shared object: regular streets agree roughly
     max_ambiguity: float = public(
         0.7, low=0, high=1, doc="evidence of the next best place, as a share, above which a constellation is not taken"
     )

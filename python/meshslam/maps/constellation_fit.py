@@ -26,6 +26,7 @@ class ConstellationFit:
     known: Ints
     seen: Ints
     evidence: float  # logarithm of the odds against chance
+    agreement: float  # what a pair adds to it, mean
 
 
 def search_radius_m(known: Constellation, seen: Constellation, config: ConstellationConfig) -> float:
@@ -47,10 +48,11 @@ def fit_constellation(
         wide = _WIDE if number < _ROUNDS - 2 else 1.0
         k, s, gains, near = _matched(known, seen, grid, pose, middle, config, wide, level=level)
         if len(k) < 2:
-            return ConstellationFit(pose, k, s, 0.0)
+            return ConstellationFit(pose, k, s, 0.0, 0.0)
         if number < _ROUNDS:
             pose, middle, level = fitted_pose(known, seen, k, s, pose.yaw_rad), seen.places[s, :2].mean(0), True
-    return ConstellationFit(pose, k, s, _evidence(known, seen, k, s, gains, near, config))
+    evidence = _evidence(known, seen, k, s, gains, near, config)
+    return ConstellationFit(pose, k, s, evidence, float(gains.mean()))
 
 
 def fitted_pose(known: Constellation, seen: Constellation, k: Ints, s: Ints, yaw_rad: float) -> Pose:

@@ -27,6 +27,7 @@ class ConstellationMatch:
     known_from_seen: Pose  # a turn about z and a shift
     pairs: tuple[tuple[int, int], ...]  # indices (known, seen), one to one
     evidence: float  # logarithm of the odds against chance
+    agreement: float  # what a pair adds to the evidence, mean
     ambiguity: float  # the evidence of the next best place, as a share of this one's
     refused: str = ""
 
@@ -54,13 +55,8 @@ def match_constellations(
     second = next((fit.evidence for fit in fits[1:] if _is_elsewhere(fit, best, middle)), 0.0)
     ambiguity = max(0.0, second / best.evidence) if best.evidence > 0 else 1.0
     pairs = tuple(sorted(zip(best.known.tolist(), best.seen.tolist(), strict=True)))
-    return ConstellationMatch(
-        best.known_from_seen,
-        pairs,
-        best.evidence,
-        ambiguity,
-        _why_refused(len(pairs), best.evidence, ambiguity, config),
-    )
+    why = _why_refused(best, ambiguity, config)
+    return ConstellationMatch(best.known_from_seen, pairs, best.evidence, best.agreement, ambiguity, why)
 
 
 def match_near(
@@ -74,7 +70,7 @@ def match_near(
     fit = fit_constellation(known, seen, grid, start, config)
     pairs = tuple(sorted(zip(fit.known.tolist(), fit.seen.tolist(), strict=True)))
     few = "" if pairs else "no object stands where another does"
-    return ConstellationMatch(fit.known_from_seen, pairs, fit.evidence, 0.0, few)
+    return ConstellationMatch(fit.known_from_seen, pairs, fit.evidence, fit.agreement, 0.0, few)
 
 
 def _fits(known: Constellation, seen: Constellation, config: ConstellationConfig) -> list[ConstellationFit]:
@@ -95,15 +91,19 @@ def _is_elsewhere(fit: ConstellationFit, best: ConstellationFit, middle: Floats)
 
 
 def _none(why: str) -> ConstellationMatch:
-    return ConstellationMatch(Pose.identity(), (), 0.0, 1.0, why)
+    return ConstellationMatch(Pose.identity(), (), 0.0, 0.0, 1.0, why)
 
 
-def _why_refused(shared: int, evidence: float, ambiguity: float, config: ConstellationConfig) -> str:
+def _why_refused(best: ConstellationFit, ambiguity: float, config: ConstellationConfig) -> str:
+    shared = len(best.known)
     if shared < config.min_objects:
         return f"{shared} objects are shared at best, {config.min_objects} are needed"
-    if evidence < config.min_evidence:
-        needed = f"evidence {evidence:.1f}, {config.min_evidence:g} is needed"
+    if best.evidence < config.min_evidence:
+        needed = f"evidence {best.evidence:.1f}, {config.min_evidence:g} is needed"
         return f"{shared} objects agree at best, which may be chance: {needed}"
+    if best.agreement < config.min_agreement:
+        needed = f"evidence {best.agreement:.1f} each, {config.min_agreement:g} is needed"
+        return f"{shared} objects agree roughly only, as in any street: {needed}"
     if ambiguity > config.max_ambiguity:
         share = f"{ambiguity:.0%} of the best one's evidence, at most {config.max_ambiguity:.0%} is allowed"
         return f"{shared} objects agree, but another place fits about as well: {share}"

@@ -17,7 +17,7 @@ class VisitConfig(Settings):
     min_box_px: float = expert(40.0, above=0)  # width of the car as it would be drawn
     min_inside_share: float = expert(0.8, low=0, high=1)  # of it inside the image,
     min_free_share: float = expert(0.7, low=0, high=1)  # and not hidden
-    min_frames: int = public(4, low=1, doc="frames that must show a car's empty place, before it counts as gone")
+    min_frames: int = expert(4, low=1)  # that must show a car's empty place, before it counts as gone
     step_m: float = expert(0.7, above=0)  # frames so far apart on the path are looked at,
     step_deg: float = expert(3.0, above=0)  # or so turned
 
