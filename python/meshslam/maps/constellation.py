@@ -9,14 +9,14 @@ import numpy as np
 
 from meshslam.geometry import Floats
 from meshslam.maps.objects import MapObject
-from meshslam.settings import Settings, expert, public
+from meshslam.settings import Settings, expert
 
 
 @dataclass(frozen=True)
 class ConstellationConfig(Settings):
     """When two sets of objects are the same street."""
 
-    radius_m: float = expert(40.0, above=0)  # two objects that vote are nearer to each other than this
+    pair_radius_m: float = expert(40.0, above=0)  # two objects that vote are nearer to each other than this
     place_sigma_m: float = expert(0.15, above=0)  # of an object in its drive, beside its own covariance,
     drift_share: float = expert(0.01, low=0, high=1)  # and so much more of its distance to the others
     height_sigma_m: float = expert(0.4, above=0)
@@ -26,14 +26,10 @@ class ConstellationConfig(Settings):
     cars_per_m2: float = expert(0.05, above=0)  # along a kerb, by chance
     unshared_cost: float = expert(1.0, low=0)  # of evidence, for each object beside shared ones that is not shared
     candidates: int = expert(60, low=2)  # that are verified
-    min_objects: int = public(3, low=2, doc="objects that two drives must share to be laid on each other")
-    min_evidence: float = public(
-        6.0, low=0, doc="logarithm of the odds against chance, below which a constellation is not taken"
-    )
+    min_objects: int = expert(3, low=2)  # that two sets must share
+    min_evidence: float = expert(6.0, low=0)  # logarithm of the odds against chance
     min_agreement: float = expert(4.4, low=0)  # of evidence for each shared object: regular streets agree roughly
-    max_ambiguity: float = public(
-        0.7, low=0, high=1, doc="evidence of the next best place, as a share, above which a constellation is not taken"
-    )
+    max_ambiguity: float = expert(0.7, low=0, high=1)  # evidence of the next best place, as a share of the best one's
 
 
 @dataclass(frozen=True, eq=False)

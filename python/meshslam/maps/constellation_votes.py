@@ -61,8 +61,8 @@ def _agreeing(
     known: Constellation, seen: Constellation, config: ConstellationConfig
 ) -> Iterator[tuple[tuple[Ints, Ints], tuple[Ints, Ints], Floats]]:
     """Pairs of `known` and of `seen` that may be the same two objects, and the turn that lays one on the other."""
-    of_known = _Pairs.within(known, config.radius_m, both_ways=True)
-    of_seen = _Pairs.within(seen, config.radius_m, both_ways=False)
+    of_known = _Pairs.within(known, config.pair_radius_m, both_ways=True)
+    of_seen = _Pairs.within(seen, config.pair_radius_m, both_ways=False)
     slack = _slack_m(known, seen, of_seen, config)
     low = np.searchsorted(of_known.distance_m, of_seen.distance_m - slack, "left")
     high = np.searchsorted(of_known.distance_m, of_seen.distance_m + slack, "right")

@@ -44,7 +44,7 @@ class MergingConfig(Settings):
     unknown_place_sigma_m: float = expert(0.2, above=0)  # of a car without a covariance
     unknown_heading_sigma_deg: float = expert(3.0, above=0)  # likewise
     max_joined_m: float = expert(3.0, low=0)  # two estimates nearer than this may be one car, if its views agree
-    moved_sigmas: float = public(4.0, above=0, doc="sigmas by which a car must stand elsewhere to have moved")
+    moved_sigmas: float = expert(4.0, above=0)  # by which a car must stand elsewhere to have moved
     min_moved_m: float = expert(0.3, low=0)  # and so far
     max_moved_m: float = expert(8.0, above=0)  # a car that went further is another one
     size_ratio: float = expert(0.15, above=0)  # of length, width and height of one car, as logarithm
