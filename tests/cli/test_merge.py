@@ -8,9 +8,11 @@ import time
 
 import pytest
 
+from meshslam.errors import MapError
 from meshslam.geometry import Pose
 from meshslam.maps import Map, Trajectory, read_figures
 from meshslam.perception import write_detections
+from meshslam.runs import Config, Outlet, read_config, run_merge
 from meshslam.sequences import camera_yaml
 from tests.cli.conftest import begin, done, error_of, meshslam
 from tests.merging.conftest import as_set, camera, camera_path, car, car_detection, drive_by, seen_cars, street
@@ -94,7 +96,8 @@ def test_figures_as_json_and_nothing_laid_is_3(runs, tmp_path):
 def test_worlds_that_are_one_already_are_said_by_a_flag_or_a_setting(runs, tmp_path):
     done("merge", runs[0], runs[2], "--out", tmp_path / "flag", "--poses", "global", "--no-views", "--quiet")
     (tmp_path / "settings.yaml").write_text("merging:\n  poses: global\n  use_views: false\n")
-    done("merge", runs[0], runs[2], "--out", tmp_path / "file", "--config", tmp_path / "settings.yaml", "--quiet")
+    settings = read_config(tmp_path / "settings.yaml", "merge")
+    run_merge((runs[0], runs[2]), settings, tmp_path / "file", Outlet(), overwrite=False)
     assert (tmp_path / "flag" / "map.json").read_bytes() == (tmp_path / "file" / "map.json").read_bytes()
     assert not (tmp_path / "flag" / "world-2").exists()
 
@@ -102,17 +105,20 @@ def test_worlds_that_are_one_already_are_said_by_a_flag_or_a_setting(runs, tmp_p
 def test_mistakes_are_told(runs, city, tmp_path):
     out = tmp_path / "city"
     assert "two runs or more" in error_of(meshslam("merge", runs[0], "--out", out))
-    assert "no such run directory" in error_of(meshslam("merge", runs[0], tmp_path / "nowhere", "--out", out))
-    assert "given twice" in error_of(meshslam("merge", runs[0], runs[0], "--out", out))
     assert "merging.poses" in error_of(meshslam("merge", *runs, "--out", out, "--poses", "somehow"))
     assert "--overwrite" in error_of(meshslam("merge", *runs, "--out", city[0]))
-    assert "choose another --out" in error_of(meshslam("merge", *runs, "--out", runs[0], "--overwrite"))
+    with pytest.raises(MapError, match="choose another --out"):
+        run_merge(runs, Config(), runs[0], Outlet(), overwrite=True)
+    with pytest.raises(MapError, match="given twice"):
+        run_merge((runs[0], runs[0]), Config(), out, Outlet(), overwrite=True)
     broken = shutil.copytree(runs[0], tmp_path / "broken")
     lines = (broken / "trajectory.tum").read_text().splitlines(keepends=True)
     (broken / "trajectory.tum").write_text("".join(lines[:-1]))
-    assert "29 poses" in error_of(meshslam("merge", broken, runs[1], "--out", out))
+    with pytest.raises(MapError, match="29 poses"):
+        run_merge((broken, runs[1]), Config(), out, Outlet(), overwrite=True)
     (broken / "map.json").write_text("{")
-    assert "broken/map.json" in error_of(meshslam("merge", broken, runs[1], "--out", out))
+    with pytest.raises(MapError, match=r"broken/map\.json"):
+        run_merge((broken, runs[1]), Config(), out, Outlet(), overwrite=True)
     assert not out.exists()
 
 
@@ -128,7 +134,7 @@ def test_an_interrupt_leaves_nothing(runs, tmp_path):
     process = begin("merge", *runs, "--out", tmp_path / "city")
     time.sleep(2.0)
     os.killpg(process.pid, signal.SIGINT)
-    process.wait(60)
+    process.communicate(timeout=60)
     assert process.returncode in (130, 0)
     if process.returncode:
         assert not [p for p in tmp_path.iterdir() if p.name != "city"]
