@@ -153,3 +153,12 @@ def test_one_drive_is_no_merge_and_no_run_counts_twice(street, drive_by, tmp_pat
     with pytest.raises(MapError, match="given twice"):
         drive_names([tmp_path / "run", tmp_path / "run"])
     assert drive_names([tmp_path / "a" / "run", tmp_path / "b" / "run"]) == ["a/run", "b/run"]
+
+
+def test_streets_whose_cars_stand_in_even_steps_are_not_taken_for_each_other(street, drive_by):
+    """A constellation agrees roughly by chance there: the cars' own sigmas tell."""
+    wrong = 0
+    for seed in range(12):
+        one, other = (drive_by(f"d{k}", street(seed + 500 * k, 9), seed + 50 * k)[0] for k in range(2))
+        wrong += len(merge_drives((one, other), NO_VIEWS).worlds) == 1
+    assert wrong <= 2

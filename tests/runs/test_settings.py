@@ -98,6 +98,7 @@ ADDED = (  # since 0.1
     "merging.min_moved_m",
     "merging.max_moved_m",
     "merging.size_ratio",
+    "merging.max_misfit",
     "merging.bent_share",
     "merging.constellations.pair_radius_m",
     "merging.constellations.place_sigma_m",

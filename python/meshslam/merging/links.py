@@ -11,6 +11,7 @@ from meshslam.geometry import Floats, Pose
 from meshslam.maps import Constellation, match_constellations, match_near
 from meshslam.merging.config import MergingConfig
 from meshslam.merging.drives import Drive
+from meshslam.merging.places import place_covariance
 
 Progress = Callable[[str, int, int], None]
 _DISAGREE_M, _DISAGREE_RAD = 3.0, 0.15  # by which two ways from drive to drive may differ
@@ -57,10 +58,11 @@ def link_drives(drives: Sequence[Drive], config: MergingConfig, progress: Progre
             found = match_near(one, other, Pose.identity(), config.constellations)
         else:
             found = match_constellations(one, other, config.constellations)
-        if found.refused:
-            refused[i, j] = found.refused
+        pairs = tuple((ids[a], other_ids[b]) for a, b in found.pairs)
+        why = found.refused or _why_rough(drives[i], drives[j], found.known_from_seen, pairs, config)
+        if why:
+            refused[i, j] = why
         else:
-            pairs = tuple((ids[a], other_ids[b]) for a, b in found.pairs)
             links.append(Link(i, j, found.known_from_seen, pairs, found.evidence, found.ambiguity))
         if progress is not None:
             progress("compare drives", done, len(every))
@@ -68,6 +70,26 @@ def link_drives(drives: Sequence[Drive], config: MergingConfig, progress: Progre
         same = {i: Pose.identity() for i in range(len(drives))}
         return Linking((Component(0, same, tuple(links)),), refused, ())
     return _joined(drives, links, refused, [_middle(seen) for _, seen in places])
+
+
+def _why_rough(
+    one: Drive, other: Drive, one_from_other: Pose, pairs: Sequence[tuple[int, int]], config: MergingConfig
+) -> str:
+    """Why cars that agree by the constellation's wide gate are not one by what is known of their places; or nothing."""
+    errors, gaps = [], []
+    for a, b in pairs:
+        known, seen = one.map[a], other.map[b]
+        pose = one_from_other @ seen.world_from_object
+        gap = (pose.translation - known.world_from_object.translation)[:2]
+        spread = place_covariance(known, known.world_from_object, config) + place_covariance(seen, pose, config)
+        errors.append(float(gap @ np.linalg.solve(spread, gap)) / 2)
+        gaps.append(float(np.linalg.norm(gap)))
+    if config.poses == "global" or float(np.median(errors)) <= config.max_misfit:
+        return ""
+    return (
+        f"{len(pairs)} cars agree roughly only, {100 * float(np.median(gaps)):.0f} cm apart in the median: "
+        f"{float(np.median(errors)):.0f} variances, {config.max_misfit:g} are allowed"
+    )
 
 
 def _joined(

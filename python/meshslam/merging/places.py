@@ -56,6 +56,13 @@ def own_covariance(thing: MapObject, config: MergingConfig) -> Floats:
     return found
 
 
+def place_covariance(thing: MapObject, world_from_object: Pose, config: MergingConfig) -> Floats:
+    """Covariance (2, 2) of a car's place on the ground, in a world where it stands so, if that world is exact."""
+    turn = world_from_object.rotation
+    found: Floats = (turn @ own_covariance(thing, config)[:3, :3] @ turn.T)[:2, :2]
+    return found
+
+
 def find_places(drives: Sequence[Drive], aligned: Alignment, config: MergingConfig) -> list[Place]:
     """The places of all cars of the aligned drives, drive by drive: each car takes the nearest that it may be."""
     found: list[Place] = []
