@@ -155,10 +155,10 @@ def test_one_drive_is_no_merge_and_no_run_counts_twice(street, drive_by, tmp_pat
     assert drive_names([tmp_path / "a" / "run", tmp_path / "b" / "run"]) == ["a/run", "b/run"]
 
 
-def test_streets_whose_cars_stand_in_even_steps_are_not_taken_for_each_other(street, drive_by):
-    """A constellation agrees roughly by chance there: the cars' own sigmas tell."""
-    wrong = 0
-    for seed in range(12):
-        one, other = (drive_by(f"d{k}", street(seed + 500 * k, 9), seed + 50 * k)[0] for k in range(2))
-        wrong += len(merge_drives((one, other), NO_VIEWS).worlds) == 1
-    assert wrong <= 2
+@pytest.mark.parametrize("seed", [2, 6, 16, 17])
+def test_streets_whose_cars_stand_in_even_steps_are_not_taken_for_each_other(street, drive_by, seed):
+    """Their constellations agree roughly, by chance: the cars' own sigmas tell."""
+    one, other = (drive_by(f"d{k}", street(seed + 500 * k, 9), seed + 50 * k)[0] for k in range(2))
+    merged = merge_drives((one, other), NO_VIEWS)
+    assert len(merged.worlds) == 2
+    assert any("agree roughly only" in note for note in merged.notes)

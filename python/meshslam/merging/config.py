@@ -48,5 +48,5 @@ class MergingConfig(Settings):
     min_moved_m: float = expert(0.3, low=0)  # and so far
     max_moved_m: float = expert(8.0, above=0)  # a car that went further is another one
     size_ratio: float = expert(0.15, above=0)  # of length, width and height of one car, as logarithm
-    max_misfit: float = expert(10.0, above=0)  # median squared gap of shared cars, in variances: more is chance
+    max_misfit: float = expert(5.0, above=0)  # median squared gap of shared cars, in variances: more is chance
     bent_share: float = expert(3.0, above=0)  # mean squared residual, in variances, from which a drive is bent
