@@ -128,7 +128,7 @@ def test_a_bent_drive_is_said(street, drive_by):
     cars = street(6, 16)
     one, _ = drive_by("straight", cars, 1)
     bent = {
-        k: (Pose.from_yaw(0.0, np.array([0.0, 0.0007 * (p.translation[0] - 40) ** 2, 0.0])) @ p, v)
+        k: (Pose.from_yaw(0.0, np.array([0.0, 0.00035 * (p.translation[0] - 40) ** 2, 0.0])) @ p, v)
         for k, (p, v) in cars.items()
     }
     two, _ = drive_by("bent", bent, 2)

@@ -88,7 +88,7 @@ def _why_rough(
         return ""
     return (
         f"{len(pairs)} cars agree roughly only, {100 * float(np.median(gaps)):.0f} cm apart in the median: "
-        f"{float(np.median(errors)):.0f} variances, {config.max_misfit:g} are allowed"
+        f"{float(np.median(errors)):.0f} variances, {config.max_misfit:g} are allowed (it is chance, or a path is bent)"
     )
 
 
