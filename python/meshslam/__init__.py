@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from meshslam.localization import Localizer
     from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
     from meshslam.object_slam import Slam
-    from meshslam.runs import Config, evaluate, localize, map_drive, slam
+    from meshslam.runs import Config, evaluate, localize, map_drive, merge, slam
     from meshslam.sequences import open_sequence
 
     __version__: str
@@ -37,6 +37,7 @@ __all__ = [
     "evaluate",
     "localize",
     "map_drive",
+    "merge",
     "open_sequence",
     "slam",
 ]
@@ -53,6 +54,7 @@ _ROOM_OF = {
     "evaluate": "runs",
     "localize": "runs",
     "map_drive": "runs",
+    "merge": "runs",
     "open_sequence": "sequences",
     "slam": "runs",
 }

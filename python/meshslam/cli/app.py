@@ -23,6 +23,7 @@ from meshslam.cli.export import export
 from meshslam.cli.fleet import fleet_app
 from meshslam.cli.localize import localize
 from meshslam.cli.map import map_
+from meshslam.cli.merge import merge
 from meshslam.cli.models import models_app
 from meshslam.cli.quiet import can_be_quiet
 from meshslam.cli.reproduce import reproduce_app
@@ -64,6 +65,7 @@ def options(
 app.command("map")(can_be_quiet(map_))
 app.command("localize")(can_be_quiet(localize))
 app.command("slam")(can_be_quiet(slam))
+app.command("merge")(can_be_quiet(merge))
 app.command("detect")(can_be_quiet(detect))
 app.command("convert")(can_be_quiet(convert))
 app.command("evaluate")(evaluate)

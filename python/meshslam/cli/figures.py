@@ -22,6 +22,24 @@ def show_figures(figures: dict[str, float], out: Path, *, as_json: bool) -> None
         return
     if is_quiet():
         return
+    print_table(figures, out)
+    said = left_out_line(out)
+    if said:
+        print(said)
+    print(f"{out / 'report.html'}: open it in a browser, or: meshslam view {out}")
+
+
+def show_merge(figures: dict[str, float], out: Path, *, as_json: bool) -> None:
+    """Print a merge's figures, and where its page is."""
+    if as_json:
+        print((out / "metrics.json").read_text(encoding="utf-8"), end="")
+    elif not is_quiet():
+        print_table(figures, out)
+        print(f"{out / 'merge.html'}: open it in a browser")
+
+
+def print_table(figures: dict[str, float], out: Path) -> None:
+    """Figures with their units, in groups."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -36,10 +54,6 @@ def show_figures(figures: dict[str, float], out: Path, *, as_json: bool) -> None
             group = new_group
         table.add_row(f"  {label}", value, unit)
     Console().print(table)
-    said = left_out_line(out)
-    if said:
-        print(said)
-    print(f"{out / 'report.html'}: open it in a browser, or: meshslam view {out}")
 
 
 def rows_of(figures: Mapping[str, object]) -> list[tuple[str, str, str, str]]:

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from meshslam.graph.camera_prediction import CameraPrediction, PredictedCamera
     from meshslam.graph.checkpoint import Checkpoint, unchanged, unchanged_by_errors
     from meshslam.graph.config import SmootherConfig, StartConfig
+    from meshslam.graph.drive_graph import DrivePrior, LaidDrives, ObjectInDrive, lay_drives
     from meshslam.graph.full_trajectory import Pair
     from meshslam.graph.graph_archive import Arrays
     from meshslam.graph.object_factor import ObservationCost, place_camera, small_rotation
@@ -23,6 +24,7 @@ else:
             "camera_prediction": "CameraPrediction PredictedCamera",
             "checkpoint": "Checkpoint unchanged unchanged_by_errors",
             "config": "SmootherConfig StartConfig",
+            "drive_graph": "DrivePrior LaidDrives ObjectInDrive lay_drives",
             "full_trajectory": "Pair",
             "graph_archive": "Arrays",
             "object_factor": "ObservationCost place_camera small_rotation",
@@ -38,8 +40,11 @@ __all__ = [
     "Arrays",
     "CameraPrediction",
     "Checkpoint",
+    "DrivePrior",
     "Entry",
     "FullTrajectory",
+    "LaidDrives",
+    "ObjectInDrive",
     "ObservationCost",
     "Pair",
     "PredictedCamera",
@@ -48,6 +53,7 @@ __all__ = [
     "StartConfig",
     "StateMarginal",
     "begin_with",
+    "lay_drives",
     "marginal_of",
     "place_camera",
     "small_rotation",

@@ -7,6 +7,8 @@ from meshslam.files import remove_leftovers, write_atomically, write_together
 
 if TYPE_CHECKING:
     from meshslam.maps.camera_path import CameraPath
+    from meshslam.maps.constellation import Constellation, ConstellationConfig
+    from meshslam.maps.constellations import ConstellationMatch, match_constellations, match_near
     from meshslam.maps.figures import read_figures
     from meshslam.maps.gltf import linear, object_colour, save_glb, to_glb, vertex_colours
     from meshslam.maps.map import Map
@@ -22,6 +24,8 @@ else:
         __name__,
         {
             "camera_path": "CameraPath",
+            "constellation": "Constellation ConstellationConfig",
+            "constellations": "ConstellationMatch match_constellations match_near",
             "figures": "read_figures",
             "gltf": "linear object_colour save_glb to_glb vertex_colours",
             "map": "Map",
@@ -40,6 +44,9 @@ __all__ = [
     "INDEX",
     "TILE_M",
     "CameraPath",
+    "Constellation",
+    "ConstellationConfig",
+    "ConstellationMatch",
     "Map",
     "MapObject",
     "PlyMesh",
@@ -51,6 +58,8 @@ __all__ = [
     "TrajectoryEstimate",
     "format_ply",
     "linear",
+    "match_constellations",
+    "match_near",
     "object_colour",
     "read_figures",
     "remove_leftovers",

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
-    from meshslam.runs.api import evaluate, localize, map_drive, slam
+    from meshslam.runs.api import evaluate, localize, map_drive, merge, slam
     from meshslam.runs.clock import Clock, peak_memory_mb
     from meshslam.runs.commands import users, uses
     from meshslam.runs.comparing import compare_cars, compare_runs
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from meshslam.runs.judging import check_recording
     from meshslam.runs.localize_run import run_localize
     from meshslam.runs.map_run import map_recording, run_map
+    from meshslam.runs.merge_run import run_merge
     from meshslam.runs.notes import imu_notes, object_notes, scale_notes
     from meshslam.runs.opening import open_input
     from meshslam.runs.other_formats import export_run
@@ -29,7 +30,7 @@ else:
     __getattr__ = deferred(
         __name__,
         {
-            "api": "evaluate localize map_drive slam",
+            "api": "evaluate localize map_drive merge slam",
             "clock": "Clock peak_memory_mb",
             "commands": "users uses",
             "comparing": "compare_cars compare_runs",
@@ -38,6 +39,7 @@ else:
             "judging": "check_recording",
             "localize_run": "run_localize",
             "map_run": "map_recording run_map",
+            "merge_run": "run_merge",
             "notes": "imu_notes object_notes scale_notes",
             "opening": "open_input",
             "other_formats": "export_run",
@@ -72,6 +74,7 @@ __all__ = [
     "localize",
     "map_drive",
     "map_recording",
+    "merge",
     "metrics_json",
     "object_notes",
     "open_input",
@@ -83,6 +86,7 @@ __all__ = [
     "read_yaml",
     "run_localize",
     "run_map",
+    "run_merge",
     "run_slam",
     "run_step",
     "save_localization_report",

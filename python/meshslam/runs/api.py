@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from collections.abc import Sequence as Rows
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from meshslam.errors import MapError, SequenceError
 from meshslam.evaluation import evaluate_run
 from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
+from meshslam.merging import Merged
 from meshslam.object_slam import SlamResult
 from meshslam.perception import DetectionSet, our_names
 from meshslam.runs import stages
@@ -18,6 +20,7 @@ from meshslam.runs.commands import RECORDING
 from meshslam.runs.config import Config, InputConfig
 from meshslam.runs.localize_run import localize_recording
 from meshslam.runs.map_run import MapResult, map_recording
+from meshslam.runs.merge_run import merge_runs
 from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.slam_run import slam_recording
@@ -150,6 +153,33 @@ def slam(
     own = stages.figures(recording, result.mapping, clock)
     own |= {} if result.estimate is None else result.estimate.figures
     return replace(result, figures=own | result.figures, notes=tuple(outlet.notes))
+
+
+def merge(
+    runs: Rows[str | Path],
+    *,
+    poses: Literal["constellations", "global"] | None = None,
+    config: Config | None = None,
+    progress: Progress | None = None,
+) -> Merged:
+    """Lay the drives of several runs into one world, and make the cars that they share one.
+
+    `runs` are run directories; drives are taken in the order of their times, or as given where these overlap. `poses`
+    is "global" where the runs' worlds are one already; by default each is found by the cars that drives share; it takes
+    the place of the configuration's. Lengths are metres; the world is that of the first drive. MapError, DetectionError
+    or SequenceError for a run that is not there or damaged, or if there are fewer than two.
+
+    Example:
+        merged = meshslam.merge(["monday", "tuesday"])
+        merged.map.save("city")
+        merged.trajectories["tuesday"].positions_in_world  # (n, 3), metres
+
+    """
+    settings = config or Config()
+    if poses is not None:
+        settings = replace(settings, merging=replace(settings.merging, poses=poses))
+    outlet = Outlet() if progress is None else Outlet(progress)
+    return merge_runs([Path(run) for run in runs], settings, outlet, allow_outside=settings.input.allow_outside)
 
 
 def evaluate(run: str | Path, truth: str | Path) -> dict[str, float]:

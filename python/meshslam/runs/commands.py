@@ -33,6 +33,7 @@ USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
     "map": (*_SEEN, *_OBJECTS, "rotations"),
     "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
     "slam": (*_SEEN, *_OBJECTS, "estimation", "slam", "live"),
+    "merge": ("input.allow_outside", "objects", "merging"),
     "reproduce views": ("objects",),
     "reproduce localization": ("estimation", "localization"),
 }
@@ -59,7 +60,7 @@ def uses(command: str, path: str) -> bool:
 
 def users(path: str) -> tuple[str, ...]:
     """The commands that use a setting, less those that reproduce the paper."""
-    return tuple(command for command in ("map", "localize", "slam", "detect") if uses(command, path))
+    return tuple(command for command in ("map", "localize", "slam", "merge", "detect") if uses(command, path))
 
 
 def why_unused(command: str, path: str) -> str:

@@ -9,6 +9,7 @@ from meshslam.initialization import EstimationConfig
 from meshslam.live import LiveConfig
 from meshslam.localization import LocalizationConfig
 from meshslam.mapping import MappingConfig
+from meshslam.merging import MergingConfig
 from meshslam.object_slam import SlamConfig
 from meshslam.objects import ObjectConfig
 from meshslam.perception import ColourConfig, KeypointConfig, SegmenterConfig, TrackerConfig
@@ -82,3 +83,4 @@ class Config(Settings):
     localization: LocalizationConfig = field(default_factory=LocalizationConfig)
     slam: SlamConfig = field(default_factory=SlamConfig)
     live: LiveConfig = field(default_factory=LiveConfig)
+    merging: MergingConfig = field(default_factory=MergingConfig)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from meshslam.viewing.from_above import footprint
     from meshslam.viewing.markup import jpeg_uri, number, table, text
     from meshslam.viewing.mcap_log import McapLog, can_write_mcap
+    from meshslam.viewing.merged_page import merge_page
     from meshslam.viewing.mesh_drawing import mesh_picture
     from meshslam.viewing.opened_log import LogTargets, OpenedLog, open_run_log
     from meshslam.viewing.overlay import draw_overlay
@@ -53,6 +54,7 @@ else:
             "from_above": "footprint",
             "markup": "jpeg_uri number table text",
             "mcap_log": "McapLog can_write_mcap",
+            "merged_page": "merge_page",
             "mesh_drawing": "mesh_picture",
             "opened_log": "LogTargets OpenedLog open_run_log",
             "overlay": "draw_overlay",
@@ -105,6 +107,7 @@ __all__ = [
     "line_charts",
     "lines_from_above",
     "log_finished_run",
+    "merge_page",
     "mesh_picture",
     "number",
     "open_run_log",
