@@ -61,8 +61,8 @@ ROWS = (
         "localize 0048, right camera",
     ),
     (
-        "`slam`, 70 frames, 6 cars, no poses, 18 cases",
-        "end error {a[end_error_percent].mean:.2f}% of the distance in the mean, {a[end_error_percent].high:.2f}% at "
+        "`slam`, 70 frames, 6 cars, no poses",
+        "{a[ate_m].count} cases: end error {a[end_error_percent].mean:.2f}% of the distance in the mean, {a[end_error_percent].high:.2f}% at "
         "most; voxel IoU of all cars {a[voxel_iou_aligned].mean:.2f}, after alignment",
         "slam",
     ),
@@ -96,7 +96,7 @@ class Values:
     """The figures of several cases of one kind, as a format asks for them."""
 
     def __init__(self, values: list[float]) -> None:
-        self.low, self.high, self.mean = min(values), max(values), float(np.mean(values))
+        self.low, self.high, self.mean, self.count = min(values), max(values), float(np.mean(values)), len(values)
 
     @property
     def range(self) -> Range:

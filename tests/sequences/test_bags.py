@@ -474,6 +474,14 @@ def test_a_folder_without_metadata_is_read_and_noted(said, as_folder, tmp_path):
     assert any("metadata.yaml is missing" in note for note in bag.notes)
 
 
+def test_a_folder_of_several_recordings_is_none(said, tmp_path):
+    for path in (write2(tmp_path / "a", said), write2(tmp_path / "b", said)):
+        (found,) = path.glob("*.db3")
+        found.rename(tmp_path / f"{path.parent.name}.db3")
+    with pytest.raises(SequenceError, match=r"holds 2 recordings \(a\.db3, b\.db3\): name one of the files"):
+        open_sequence(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["ros1", "mcap-ros2", "ros2-mcap", "ros2-sqlite"])
 def test_an_empty_bag_is_one_line(name, tmp_path):
     with pytest.raises(SequenceError, match="the bag holds no messages"):

@@ -29,7 +29,7 @@ def test_an_unknown_folder_says_what_was_looked_for(tmp_path):
 
 @pytest.mark.parametrize(("name", "message"), [("missing", "no such folder"), ("file", "no known layout: the file")])
 def test_a_path_that_is_no_folder_is_named(tmp_path, name, message):
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("?")
     with pytest.raises(SequenceError, match=f"{name}: {message}"):
         open_sequence(tmp_path / name)
     assert [str(p) for p in check_sequence(tmp_path / name)] != []
@@ -59,3 +59,16 @@ def test_a_sequence_holds_one_entry_a_frame(tmp_path):
         Sequence("s", "folder", tmp_path, CAMERA, (0, 1), np.zeros(3))
     with pytest.raises(SequenceError, match="no images, only detections"):
         Sequence("s", "folder", tmp_path, CAMERA, (0,), np.zeros(1)).read_image(0)
+
+
+def test_an_empty_file_is_called_empty(tmp_path):
+    (tmp_path / "drive.mcap").touch()
+    with pytest.raises(SequenceError, match=r"drive\.mcap: the file is empty"):
+        open_sequence(tmp_path / "drive.mcap")
+
+
+def test_a_run_is_called_a_run(tmp_path):
+    for name in ("manifest.json", "config.yaml", "camera.yaml"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(SequenceError, match="is a run of meshslam, no recording"):
+        open_sequence(tmp_path)

@@ -139,9 +139,13 @@ def find_loader(path: Path, layout: str | None = None) -> Loader:
             raise SequenceError(f"{path}: unknown layout {layout!r}, known are {names}")
         return named[0]
     absolute = real_path(path)
+    if (path / "manifest.json").is_file() and (path / "config.yaml").is_file() and not (path / "times.txt").exists():
+        raise SequenceError(f"{path}: is a run of meshslam, no recording: its config.yaml names the recording")
     for loader in LOADERS:
         if loader.recognizes(absolute):
             return loader
+    if path.is_file() and not path.stat().st_size:
+        raise SequenceError(f"{path}: the file is empty: was it copied whole?")
     names = ", ".join(loader.name for loader in LOADERS)
     kind = "folder" if path.is_dir() else "file"
     raise SequenceError(f"{path}: no known layout: the {kind} is none of {names} (docs/recordings.md): --layout NAME")

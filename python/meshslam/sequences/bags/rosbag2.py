@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ def open_ros2_folder(path: Path, report: Report) -> Store:
     """The store of a folder's files; FoundError for missing files and storages that are not read."""
     if not (path / "metadata.yaml").is_file():
         files = _loose_files(path) or [_unpacked(file) for file in _packed_files(path)]
+        _check_one_recording(path, files)
         report.note(path, "", "metadata.yaml is missing, as where a recording is cut off: all of its files are read")
         return open_ros2_files(path, files, "")
     file = path / "metadata.yaml"
@@ -59,6 +61,14 @@ def open_ros2_files(path: Path, files: list[Path], packed: str) -> Store:
     if kinds == {".db3"}:
         return SqliteBag(path, tuple(files), packed)
     raise fail(path, "", f"files of {', '.join(sorted(kinds)) or 'no kind'}: only .db3 (SQLite) or .mcap are read")
+
+
+def _check_one_recording(path: Path, files: list[Path]) -> None:
+    """FoundError for several files that are not named as parts of one recording: NAME_0, NAME_1 and so on."""
+    names = {re.sub(r"_\d+$", "", file.stem) for file in files}
+    if len(names) > 1:
+        listed = ", ".join(file.name for file in files[:4]) + (", …" if len(files) > 4 else "")
+        raise fail(path, "", f"holds {len(names)} recordings ({listed}): name one of the files")
 
 
 def _unpacked(file: Path) -> Path:
