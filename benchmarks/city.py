@@ -103,11 +103,11 @@ def laid(tile: Tile, meshes: bytes, key: tuple[int, int], first_id: int, folder:
     columns = {"id": tile.table["id"] + first_id, "position": tile.table["position"] + shift}
     contents = arrays_to_bytes({**tile.table, **columns}), meshes
     digests = [hashlib.blake2b(content, digest_size=16).hexdigest() for content in contents]
-    names = [f"{key[0]}_{key[1]}.{d[:12]}.{kind}.npz" for d, kind in zip(digests, ("objects", "meshes"), strict=True)]
-    for name, content in zip(names, contents, strict=True):
-        (folder / "tiles" / name).write_bytes(content)
     last_id = first_id + len(tile) - 1
-    return TileEntry(*key, len(tile), first_id, last_id, *names, *digests, sum(map(len, contents)))
+    entry = TileEntry(*key, len(tile), first_id, last_id, sum(map(len, contents)), *digests)
+    for name, content in zip((entry.table, entry.meshes), contents, strict=True):
+        (folder / "tiles" / name).write_bytes(content)
+    return entry
 
 
 def opened_s(folder: Path) -> float:

@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from meshslam.errors import MapError
 from meshslam.files import must_exist
 
 FORMAT, VERSION = "meshslam-city", 1
 Key = tuple[int, int]  # column and row
+_DIGEST = re.compile("[0-9a-f]{32}")
 
 
-@dataclass(frozen=True)
-class TileEntry:
-    """What the index says of a tile: its place in the grid, its files, how many objects, and their range of ids."""
+class TileEntry(NamedTuple):
+    """What the index says of a tile: its place in the grid, its objects, and what its files hold."""
 
     column: int  # the tile's objects have column * tile_m <= x < (column + 1) * tile_m
     row: int  # likewise along y
     objects: int
     first_id: int
     last_id: int
-    table: str  # file names in `tiles`; they hold the beginning of the digests
-    meshes: str
+    bytes: int  # of both files
     table_digest: str  # blake2b of 16 bytes, hexadecimal
     meshes_digest: str
-    bytes: int
 
     @property
     def key(self) -> Key:
         """Column and row."""
         return self.column, self.row
+
+    @property
+    def table(self) -> str:
+        """Name of the file with the objects' table."""
+        return f"{self.column}_{self.row}.{self.table_digest[:12]}.objects.npz"
+
+    @property
+    def meshes(self) -> str:
+        """Name of the file with the meshes."""
+        return f"{self.column}_{self.row}.{self.meshes_digest[:12]}.meshes.npz"
 
 
 @dataclass(eq=False)
@@ -53,9 +64,9 @@ class TileIndex:
             "tile_m": self.tile_m,
             "objects": sum(entry.objects for entry in self.entries.values()),
             "categories": dict(sorted(self.categories.items())),
-            "columns": list(TileEntry.__dataclass_fields__),
+            "columns": list(TileEntry._fields),
         }
-        lines = ",\n".join(json.dumps(list(asdict(self.entries[key]).values())) for key in sorted(self.entries))
+        lines = ",\n".join(json.dumps(self.entries[key]) for key in sorted(self.entries))
         head = json.dumps(document, indent=1).removesuffix("\n}")
         return f'{head},\n "tiles": [\n{lines}\n]\n}}\n'.encode()
 
@@ -74,17 +85,23 @@ def read_index(file: Path) -> TileIndex:
 
 
 def _index(document: dict[str, Any]) -> TileIndex:
-    entries = [_entry(values, document["columns"]) for values in document["tiles"]]
+    if tuple(document["columns"]) != TileEntry._fields:
+        raise ValueError(f"columns: expected {list(TileEntry._fields)}")
+    entries = [TileEntry._make(values) for values in document["tiles"]]
+    _check(entries)
     categories = {str(name): _file_name(file) for name, file in document["categories"].items()}
     tile_m, generation = float(document["tile_m"]), int(document["generation"])
     return TileIndex(tile_m, {entry.key: entry for entry in entries}, categories, generation)
 
 
-def _entry(values: list[Any], columns: list[str]) -> TileEntry:
-    entry = TileEntry(**dict(zip(columns, values, strict=True)))
-    _file_name(entry.table)
-    _file_name(entry.meshes)
-    return entry
+def _check(entries: list[TileEntry]) -> None:
+    """ValueError for anything but whole numbers and digests: file names are made of these."""
+    numbers = np.array([entry[:6] for entry in entries] or np.zeros((0, 6), int))
+    if numbers.dtype.kind != "i":
+        raise ValueError("tiles: expected whole numbers")
+    for entry in entries:
+        if not (_DIGEST.fullmatch(entry.table_digest) and _DIGEST.fullmatch(entry.meshes_digest)):
+            raise ValueError(f"tile {entry.key}: its digests are not 32 hexadecimal digits")
 
 
 def _file_name(name: str) -> str:

@@ -24,7 +24,6 @@ TILE_M = 100.0
 _TILES, _CATEGORIES = "tiles", "categories"
 _HELD_OBJECTS = 4000  # of the tiles that are kept in memory, packed
 _STEP_SHARE = 0.1  # of a radius: a path is looked along in such steps
-_KINDS = ("objects", "meshes")
 
 
 @dataclass(eq=False)
@@ -115,7 +114,7 @@ class TiledMap(Mapping[int, MapObject]):
     @property
     def digest(self) -> str:
         """Of everything that it holds: the same objects in the same tiles give the same, however they came there."""
-        rows = [(entry.key, entry.table_digest, entry.meshes_digest) for _, entry in sorted(self.index.entries.items())]
+        rows = "\n".join(f"{e.key} {e.table_digest} {e.meshes_digest}" for _, e in sorted(self.index.entries.items()))
         return digest_of((self.index.tile_m, self.index.categories, rows))
 
     def keys_around(self, position_m: Floats, radius_m: float) -> list[Key]:
@@ -258,14 +257,12 @@ class TiledMap(Mapping[int, MapObject]):
             self.index.entries.pop(key, None)
             return
         table, meshes = Tile.of(things, self._models_of_all()).to_bytes()
-        digests = _digest(table), _digest(meshes)
-        names = [f"{key[0]}_{key[1]}.{digest[:12]}.{kind}.npz" for digest, kind in zip(digests, _KINDS, strict=True)]
-        files = {self.folder / _TILES / name: data for name, data in zip(names, (table, meshes), strict=True)}
-        write_together(files, self.folder / _TILES / names[0])
         ids = [thing.id for thing in things]
-        self.index.entries[key] = TileEntry(
-            *key, len(ids), min(ids), max(ids), names[0], names[1], *digests, len(table) + len(meshes)
-        )
+        size = len(table) + len(meshes)
+        entry = TileEntry(*key, len(ids), min(ids), max(ids), size, _digest(table), _digest(meshes))
+        files = {self.folder / _TILES / name: data for name, data in ((entry.table, table), (entry.meshes, meshes))}
+        write_together(files, self.folder / _TILES / entry.table)
+        self.index.entries[key] = entry
 
     def _add_categories(self, names: set[str], given: Mapping[str, Category]) -> None:
         """Keep the shape spaces that meshes are written by, so that another version reads them the same."""
