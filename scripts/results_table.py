@@ -62,8 +62,9 @@ ROWS = (
     ),
     (
         "`slam`, 70 frames, 6 cars, no poses",
-        "{a[ate_m].count} cases: end error {a[end_error_percent].mean:.2f}% of the distance in the mean, {a[end_error_percent].high:.2f}% at "
-        "most; voxel IoU of all cars {a[voxel_iou_aligned].mean:.2f}, after alignment",
+        "{a[ate_m].count} cases: end error {a[end_error_percent].mean:.2f}% of the distance in the mean, "
+        "{a[end_error_percent].high:.2f}% at most; voxel IoU of all cars {a[voxel_iou_aligned].mean:.2f}, "
+        "aligned",
         "slam",
     ),
     (
