@@ -2,6 +2,7 @@
 
 import json
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -124,7 +125,8 @@ def test_workers_end_with_their_driver(few_file, tmp_path):
 def test_a_second_fleet_in_the_folder_is_refused(few_file, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
     process = begin_fleet(log, few_file, "--out", out, "--workers", "1")
-    seen(lambda: (out / LOCK).exists())
+    seen(lambda: (out / LOCK).exists() and str(process.pid) in (out / LOCK).read_text())
+    time.sleep(0.5)  # its writer lets go of the lock file: stopped before, it would keep all others waiting
     process.send_signal(signal.SIGSTOP)
     second = run_fleet(few_file, "--out", out)
     process.send_signal(signal.SIGCONT)

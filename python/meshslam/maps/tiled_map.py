@@ -28,7 +28,7 @@ _STEP_SHARE = 0.1  # of a radius: a path is looked along in such steps
 
 @dataclass(eq=False)
 class TiledMap(Mapping[int, MapObject]):
-    """Objects in one world, in tiles on a square grid; opening reads the index, tiles are read when they are needed.
+    """Objects in one world, in metres, in tiles on a square grid; tiles are read when they are needed.
 
     A mapping of id to MapObject, like Map, that iterates by tiles. Meshes of a category's topology are rounded to half
     millimetres, sigmas of vertices to 2%, everything else is exact. A map that is open keeps what it was when it was
