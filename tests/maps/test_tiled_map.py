@@ -12,7 +12,7 @@ from meshslam.categories import category_names, load_category
 from meshslam.errors import MapError
 from meshslam.files import CITY, LOCK, arrays_to_bytes
 from meshslam.geometry import Pose
-from meshslam.maps import Map, MapObject, TiledMap
+from meshslam.maps import Map, MapObject, TiledMap, tiled_map
 from meshslam.maps.mesh_code import STEP_M, MeshCode, sigma_code, sigma_of_code
 from meshslam.maps.tile import Tile
 
@@ -144,6 +144,12 @@ def test_only_tiles_that_are_asked_are_read(city, monkeypatch):
 FULL = TiledMap._read
 
 
+def test_what_was_put_is_what_is_read_then(city, make_car):
+    assert city[0].world_from_object.translation[0] == pytest.approx(5.0, abs=0.2)
+    city.put([make_car(0, 7.0, 7.0)])
+    assert city[0].world_from_object.translation[0] == pytest.approx(7.0, abs=0.2)
+
+
 def test_an_object_that_moves_to_another_tile_leaves_the_first(city, make_car):
     before = {path.name for path in (city.folder / "tiles").iterdir()}
     city.put([make_car(1, -950.0, 3.0)])
@@ -171,21 +177,67 @@ def test_the_same_objects_give_the_same_bytes_in_any_order(tmp_path, make_car):
 
 def test_meshes_that_are_written_again_and_again_stay(tmp_path, make_car):
     city = TiledMap.create(tmp_path / "city")
-    city.put([make_car(1), make_car(2, symmetric=False)])
+    city.put([make_car(1, 5.0, 5.0), make_car(2, 5.0, 5.0, symmetric=False)])
     first = city.loaded()
     for number in range(3, 9):
-        city.put([make_car(number)])
+        city.put([make_car(number, 5.0, 5.0)])
     for thing in first.objects:
         assert np.array_equal(city[thing.id].vertices, thing.vertices)
         assert np.array_equal(city[thing.id].world_from_object.matrix, thing.world_from_object.matrix)
 
 
-def test_a_category_of_ones_own_goes_along(tmp_path, make_car, rng):
-    mine = replace(CAR, name="kart", vertices=0.4 * CAR.vertices, modes=0.4 * CAR.modes)
-    thing = replace(make_car(1), category="kart", vertices=mine.shape(rng.normal(size=5)), keypoints={}).recentred()
+@pytest.mark.parametrize("at", [0, 1, 3])
+def test_a_change_that_the_disk_refuses_leaves_folder_and_open_map_as_they_were(city, make_car, monkeypatch, at):
+    digest, left = city.digest, iter(range(at))
+    write = tiled_map.write_together
+
+    def full(*given):
+        if next(left, None) is None:
+            raise MapError("no space left on device")
+        write(*given)
+
+    monkeypatch.setattr(tiled_map, "write_together", full)
+    with pytest.raises(MapError, match="no space"):
+        city.put([make_car(i, 200.0 * i) for i in range(8)])
+    monkeypatch.undo()
+    assert city.digest == TiledMap.open(city.folder).digest == digest
+    assert [thing.views for thing in city.loaded().objects] == [5] * 5
+    city.put([make_car(50, 1.0)])
+    assert len(TiledMap.open(city.folder)) == 6
+
+
+def test_a_mesh_far_from_its_category_is_kept_whole(make_car, rng):
+    odd = CAR.vertices + 7.9 * np.sign(rng.normal(size=CAR.vertices.shape))
+    thing = make_car(1, vertices=odd, keypoints={}, vertex_sigma_m=None, vertex_observed=None)
+    tile = Tile.from_bytes(*Tile.of([thing], {"car": CAR}).to_bytes(), {"car": CAR})
+    assert np.abs(tile.objects()[0].vertices - thing.vertices).max() <= STEP_M
+    code, meshes = MeshCode(CAR), CAR.vertices[None].copy()
+    meshes[0, 5] += 25.0  # more steps than 16 bits hold
+    assert np.abs(code.decode(code.encode(meshes, symmetric=False), symmetric=False) - meshes).max() <= STEP_M
+
+
+def test_a_mesh_whose_middle_is_moved_by_rounding_stays(tmp_path, make_car):
+    thing = make_car(1, 5.0, 5.0, symmetric=False)
+    half_m = (np.round(np.ptp(thing.vertices[:, 0]) / 2 / STEP_M) + 0.5) * STEP_M
+    longer = thing.vertices * [2 * half_m / np.ptp(thing.vertices[:, 0]), 1, 1]
+    longer[:, 0] += 4e-7  # less than is recentred, enough for one end to be rounded up and the other down
     city = TiledMap.create(tmp_path / "city")
-    city.put([thing], categories={"kart": mine})
-    assert (tmp_path / "city" / "categories" / city.index.categories["kart"]).is_file()
+    city.put([replace(thing, vertices=longer)])
+    first = city[1]
+    assert np.abs(first.vertices[:, 0].max() + first.vertices[:, 0].min()) > 0.9 * STEP_M
+    city.put([make_car(2, 5.0, 5.0)])
+    assert np.array_equal(city[1].vertices, first.vertices)
+    assert np.array_equal(city[1].world_from_object.matrix, first.world_from_object.matrix)
+
+
+def test_a_category_of_ones_own_goes_along(tmp_path, make_car, rng):
+    mine = replace(CAR, name="go-kart/no. 1", vertices=0.4 * CAR.vertices, modes=0.4 * CAR.modes)
+    thing = replace(
+        make_car(1), category="go-kart/no. 1", vertices=mine.shape(rng.normal(size=5)), keypoints={}
+    ).recentred()
+    city = TiledMap.create(tmp_path / "city")
+    city.put([thing], categories={"go-kart/no. 1": mine})
+    assert (tmp_path / "city" / "categories" / city.index.categories["go-kart/no. 1"]).is_file()
     assert_same(TiledMap.open(tmp_path / "city")[1], thing, vertices_m=STEP_M)
     assert sum(e.bytes for e in city.index.entries.values()) < 6000  # by its modes, not vertex by vertex
 

@@ -48,9 +48,9 @@ class FinishedRun:
         """
         folder = Path(folder)
         if TiledMap.is_at(folder):
-            return FinishedRun(
-                folder.resolve().name, Map(()), Trajectory(np.zeros(0), ()), (), _NO_CAMERA, tiled=TiledMap.open(folder)
-            )
+            city, no_path = TiledMap.open(folder), Trajectory(np.zeros(0), ())
+            empty = [] if len(city) else [f"no objects: {folder} is an empty map in tiles"]
+            return FinishedRun(folder.resolve().name, Map(()), no_path, (), _NO_CAMERA, notes=tuple(empty), tiled=city)
         if not (folder / "trajectory.tum").is_file():
             raise MapError(f"{folder}: is no finished run: it holds no trajectory.tum: give the folder of --out")
         path, notes = Trajectory.load(folder / "trajectory.tum"), []

@@ -16,7 +16,7 @@ from meshslam.categories import Category
 from meshslam.geometry import AnyArray, Bools, Bytes, Floats, Ints
 
 STEP_M = 5e-4
-LARGEST_M = STEP_M * 32767  # of a residual
+FARTHEST_M = 8.0  # of a vertex from the mean mesh's; meshes beyond are kept as they are
 _SYMMETRIC_M = 1e-6
 _Z_DECIMALS = 4  # what z lacks is in the residual
 _RIDGE = 1e-9  # modes that are hardly there get no large weights
@@ -39,10 +39,10 @@ class MeshCode:
         return found
 
     def covers(self, vertices: Floats, faces: Ints) -> bool:
-        """Whether a mesh has the category's topology, and lies near enough to its shapes."""
+        """Whether a mesh has the category's topology, and lies in its size's range."""
         if not np.array_equal(faces, self.category.faces):
             return False
-        return bool(np.abs(vertices - self.category.vertices).max() < LARGEST_M / 2)
+        return bool(np.abs(vertices - self.category.vertices).max() < FARTHEST_M)
 
     def is_symmetric(self, vertices: Floats) -> bool:
         """Whether a mesh (V, 3) is its own mirror image."""
@@ -56,8 +56,9 @@ class MeshCode:
         shapes = self._shapes(z)
         offset = (steps * STEP_M - shapes).mean(axis=1).astype(np.float32)
         chosen = self.half if symmetric else np.arange(meshes.shape[1])
-        residual = (steps - _grid(shapes, offset))[:, chosen].astype(np.int16)
-        return {"z": z, "offset": offset, "residual": np.ascontiguousarray(residual.transpose(2, 1, 0))}
+        residual = (steps - _grid(shapes, offset))[:, chosen].transpose(2, 1, 0)
+        whole = np.int16 if np.abs(residual).max() <= np.iinfo(np.int16).max else np.int32
+        return {"z": z, "offset": offset, "residual": np.ascontiguousarray(residual.astype(whole))}
 
     def decode(self, arrays: Arrays, *, symmetric: bool) -> Floats:
         """The meshes (N, V, 3) again."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from meshslam.maps.tile_index import Key, TileEntry, TileIndex, read_index
 TILE_M = 100.0
 _TILES, _CATEGORIES = "tiles", "categories"
 _HELD_OBJECTS = 4000  # of the tiles that are kept in memory, packed
+_UNSAFE = re.compile("[^A-Za-z0-9_-]")  # in a file name
 _STEP_SHARE = 0.1  # of a radius: a path is looked along in such steps
 
 
@@ -30,9 +32,10 @@ _STEP_SHARE = 0.1  # of a radius: a path is looked along in such steps
 class TiledMap(Mapping[int, MapObject]):
     """Objects in one world, in metres, in tiles on a square grid; tiles are read when they are needed.
 
-    A mapping of id to MapObject, like Map, that iterates by tiles. Meshes of a category's topology are rounded to half
-    millimetres, sigmas of vertices to 2%, everything else is exact. A map that is open keeps what it was when it was
-    opened until another process has written to it twice; MapError then says to open it again.
+    A mapping of id to MapObject, like Map, that iterates by tiles. Poses are exact. Meshes of a category's topology are
+    rounded to half millimetres, sigmas of vertices to 2%; other meshes, covariances and mask IoU are kept in single
+    precision. A map that is open keeps what it was when it was opened until another has written to its folder twice;
+    MapError then says to open it again.
 
     Example:
         city = meshslam.Map.open("city")
@@ -223,22 +226,32 @@ class TiledMap(Mapping[int, MapObject]):
         with locked(self.folder / LOCK, str(self.folder)):
             self._refuse_if_changed()
             self._forget_old_files()
-            self._add_categories({thing.category for thing in things}, categories)
-            changed: dict[Key, dict[int, MapObject]] = {}
-            for key in self._keys_with_any(ids):
-                kept = {thing.id: thing for thing in self.tile(key)}
-                if kept.keys() & ids:
-                    changed[key] = {number: thing for number, thing in kept.items() if number not in ids}
-            for thing in things:
-                key = self._key_of(thing)
-                if key not in changed:
-                    changed[key] = {other.id: other for other in self.tile(key)}
-                changed[key][thing.id] = thing
-            for key, found in changed.items():
-                self._write_tile(key, list(found.values()))
-            self.index.generation += 1
-            write_atomically(self.folder / CITY, self.index.to_bytes())
-            self._held.clear()
+            before = replace(self.index, entries=dict(self.index.entries), categories=dict(self.index.categories))
+            try:
+                self._add_categories({thing.category for thing in things}, categories)
+                for key, found in self._changed_tiles(ids, things).items():
+                    self._write_tile(key, found)
+                self.index.generation += 1
+                write_atomically(self.folder / CITY, self.index.to_bytes())
+            except BaseException:
+                self.index = before
+                raise
+            finally:
+                self._held.clear()
+
+    def _changed_tiles(self, ids: set[int], things: list[MapObject]) -> dict[Key, list[MapObject]]:
+        """What tiles hold once `ids` have gone and `things` have come, of those tiles alone that change."""
+        changed: dict[Key, dict[int, MapObject]] = {}
+        for key in self._keys_with_any(ids):
+            kept = {thing.id: thing for thing in self.tile(key)}
+            if kept.keys() & ids:
+                changed[key] = {number: thing for number, thing in kept.items() if number not in ids}
+        for thing in things:
+            key = self._key_of(thing)
+            if key not in changed:
+                changed[key] = {other.id: other for other in self.tile(key)}
+            changed[key][thing.id] = thing
+        return {key: list(found.values()) for key, found in changed.items()}
 
     def _key_of(self, thing: MapObject) -> Key:
         column, row = np.floor(thing.recentred().world_from_object.translation[:2] / self.index.tile_m)
@@ -270,7 +283,7 @@ class TiledMap(Mapping[int, MapObject]):
             model = given.get(name) or (load_category(name) if name in category_names() else None)
             if model is not None:
                 content = category_bytes(model)
-                file = f"{name}-{_digest(content)[:12]}.npz"
+                file = f"{_UNSAFE.sub('_', name)}-{_digest(content)[:12]}.npz"
                 write_atomically(self.folder / _CATEGORIES / file, content)
                 self.index.categories[name] = file
 
