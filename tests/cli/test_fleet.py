@@ -10,8 +10,9 @@ import yaml
 from rich.console import Console
 from rich.live import Live
 
-from meshslam.cli.fleet_view import FleetLines, FleetTable, line_of
+from meshslam.cli.fleet_view import FleetLines, FleetTable, end_of_fleet, line_of
 from meshslam.fleet import DriveResult, Running
+from meshslam.fleet.summary import parquet_of
 from tests.cli.conftest import COMMAND, ENVIRONMENT, done, error_of, meshslam
 
 FAILED = DriveResult("bad", "failed", "map", "/drives/bad", "/out/runs/bad", "it is damaged")
@@ -55,6 +56,37 @@ def test_quiet_tells_failures_alone(file):
     assert result.returncode == 1
     assert result.stdout == ""
     assert result.stderr == f"gone: failed: {file.parent / 'gone'}: no such folder or file\n"
+
+
+def test_drives_that_find_nothing_are_said_with_the_reason(source, tmp_path):
+    nothing = {"name": "none", "recording": str(source), "settings": {"mapping": {"max_distance_m": 0.5}}}
+    path = tmp_path / "drives.yaml"
+    path.write_text(yaml.safe_dump([nothing]))
+    for more in ((), ("--quiet",)):
+        result = meshslam("fleet", "run", path, "--out", tmp_path / "out", *more)
+        assert result.returncode == 3, result.stderr
+        assert "nothing found: none: 0 objects mapped: of " in result.stderr
+    path.write_text(yaml.safe_dump([nothing, {"name": "some", "recording": str(source)}]))
+    result = meshslam("fleet", "run", path, "--out", tmp_path / "out")
+    assert result.returncode == 0
+    assert "nothing found: none: " in result.stderr
+    assert "nothing found: some" not in result.stderr
+
+
+def test_a_localization_without_views_has_found_nothing():
+    used = [
+        DriveResult("a", "done", "localize", "a", "a", figures={"views_used": n, "objects_mapped": 0}) for n in (0, 3)
+    ]
+    assert [result.found_nothing for result in used] == [True, False]
+    assert not FAILED.found_nothing
+
+
+def test_without_pyarrow_it_is_said_that_there_is_no_parquet(monkeypatch, capsys):
+    monkeypatch.setattr("meshslam.fleet.summary.can_write_parquet", lambda: False)
+    monkeypatch.setattr("meshslam.fleet.can_write_parquet", lambda: False, raising=False)
+    assert parquet_of([]) is None
+    assert end_of_fleet([DONE], "/out") == 0
+    assert "pip install 'meshslam[parquet]'" in capsys.readouterr().err
 
 
 def test_lines_of_a_log():

@@ -10,7 +10,6 @@ import typer
 from meshslam.cli.quiet import can_be_quiet
 from meshslam.errors import ConfigError
 
-FAILED = 1  # exit code: a drive failed
 Engine = Literal["local", "ray"]
 
 fleet_app = typer.Typer(
@@ -39,7 +38,7 @@ def run(
     """Run every drive of a fleet; each folder of FLEET/runs is what the single command writes, to the same bytes.
 
     A lost worker is replaced; a drive that is wrong fails alone. The same command again goes on. FLEET/fleet.html lists
-    the drives, failures first. Exit code 1: a drive failed.
+    the drives, failures first. Exit code 1: a drive failed; 3: no drive found anything.
 
     Example: meshslam fleet run drives.yaml --out maps --engine ray --address auto
     """
@@ -61,8 +60,8 @@ def run(
             overwrite=overwrite,
             watch=watch,
         )
-    if end_of_fleet(results, out):
-        raise typer.Exit(FAILED)
+    if code := end_of_fleet(results, out):
+        raise typer.Exit(code)
 
 
 def plan(drives: FleetFile) -> None:

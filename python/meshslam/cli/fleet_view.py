@@ -14,11 +14,14 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from meshslam.cli.figures import NOTHING
 from meshslam.cli.progress import Lines
 from meshslam.cli.quiet import is_quiet
 
 if TYPE_CHECKING:
     from meshslam.fleet import DriveResult, Running, Watch
+
+FAILED = 1  # exit code: a drive failed
 
 
 @contextmanager
@@ -110,14 +113,20 @@ def doing_of(row: Running) -> str:
 
 
 def end_of_fleet(results: Sequence[DriveResult], out: str) -> int:
-    """Print where the summary is and what failed; how many drives that is."""
-    from meshslam.fleet import PAGE
+    """Print where the summary is, what failed and what found nothing; the exit code."""
+    from meshslam.fleet import PAGE, can_write_parquet
 
     failed = [result for result in results if result.how == "failed"]
+    empty = [result for result in results if result.found_nothing]
+    for result in empty:
+        why = next((note for note in result.notes if note.startswith("0 ")), "see its report")
+        _say(f"nothing found: {result.name}: {why}")
+    if not can_write_parquet():
+        _say("note: no summary.parquet: it needs pyarrow: pip install 'meshslam[parquet]'")
     if not is_quiet():
         for result in failed:
             print(f"failed: {result.name}: {result.reason}")
         counts = {how: sum(result.how == how for result in results) for how in ("done", "unchanged", "failed")}
         said = ", ".join(f"{count} {how}" for how, count in counts.items() if count)
         print(f"{len(results)} drives: {said}: {out.rstrip('/')}/{PAGE}")
-    return len(failed)
+    return FAILED if failed else NOTHING if empty and len(empty) == len(results) else 0

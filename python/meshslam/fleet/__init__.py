@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from meshslam.fleet.results import DriveResult
     from meshslam.fleet.running import engine_of, place_of, run_fleet
     from meshslam.fleet.scheduling import RETRIES, Watch
-    from meshslam.fleet.summary import PAGE
+    from meshslam.fleet.summary import PAGE, can_write_parquet
 else:
     __getattr__ = deferred(
         __name__,
@@ -26,7 +26,7 @@ else:
             "results": "DriveResult",
             "running": "engine_of place_of run_fleet",
             "scheduling": "RETRIES Watch",
-            "summary": "PAGE",
+            "summary": "PAGE can_write_parquet",
         },
     )
 
@@ -43,6 +43,7 @@ __all__ = [
     "Running",
     "Url",
     "Watch",
+    "can_write_parquet",
     "engine_of",
     "place_of",
     "read_fleet",

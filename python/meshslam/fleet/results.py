@@ -79,6 +79,14 @@ class DriveResult:
         return self.figures.get("objects_mapped", self.figures.get("objects_in_map"))
 
     @property
+    def found_nothing(self) -> bool:
+        """Whether the run is there, but nothing was mapped, or no view of the map was used."""
+        used = (
+            self.figures.get("views_used", 1) if self.command == "localize" else self.figures.get("objects_mapped", 1)
+        )
+        return self.how in ("done", "unchanged") and not used
+
+    @property
     def seconds(self) -> float:
         """Of all its tasks."""
         return round(sum(task.seconds for task in self.tasks), 3)

@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
+from importlib.util import find_spec
 from typing import Any
 
 from meshslam.fleet.drives import Fleet
@@ -65,13 +66,18 @@ def csv_of(rows: Sequence[dict[str, Any]]) -> bytes:
     return text.getvalue().encode()
 
 
+def can_write_parquet() -> bool:
+    """Whether pyarrow is installed."""
+    return find_spec("pyarrow") is not None
+
+
 def parquet_of(rows: Sequence[dict[str, Any]]) -> bytes | None:
     """The table as Parquet; None without pyarrow."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
+    if not can_write_parquet():
         return None
+    import pyarrow
+    import pyarrow.parquet
+
     texts = set(OWN[:6]) | {"node"}
     named = {
         name: pyarrow.array(
