@@ -31,7 +31,7 @@ def python_tests(python: str, arguments: list[str]) -> tuple[int, int, int, bool
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
         workers = ["-n", str(min(4, os.cpu_count() or 1)), "--dist", "loadfile"]  # what a file sets up is made once
-        command = [python, "-m", "pytest", *workers, f"--junitxml={report}", *arguments]
+        command = [python, "-m", "pytest", *workers, "--durations=25", f"--junitxml={report}", *arguments]
         code = subprocess.run(command, cwd=ROOT, check=False).returncode
         suite = ET.parse(report).getroot().find("testsuite") if report.exists() else None
     if suite is None:

@@ -11,6 +11,7 @@ __all__ = [
     "LinearFactor",
     "MaskLoss",
     "ObjectState",
+    "ParkedMap",
     "Problem",
     "RoadTexture",
     "Solution",
@@ -127,6 +128,18 @@ class MaskLoss:
     def gradient(self, camera_from_object: _Floats, vertices: _Floats, kato: bool) -> _Gradient: ...
     def draw(self, camera_from_object: _Floats, vertices: _Floats) -> NDArray[np.uint8]: ...
     def time(self, camera_from_object: _Floats, vertices: _Floats, runs: int) -> list[float]: ...
+
+@final
+class ParkedMap:
+    def __new__(cls, objects: _Floats) -> ParkedMap: ...
+    def candidates(
+        self,
+        seen: _Floats,
+        ends: Sequence[tuple[int, int]],
+        pairs: Sequence[NDArray[np.int32]],
+        rules: tuple[float, float, float, float, float, float, float, float],
+        keep: int,
+    ) -> _Floats: ...
 
 @final
 class RoadTexture:

@@ -105,7 +105,8 @@ def serve():
     """Answer requests until the input ends."""
     for room in ROOMS:
         importlib.import_module(f"meshslam.{room}")
-    import onnxruntime  # noqa: F401 # as the commands do
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # as the commands do: it has threads, and a fork would wait for them
+    import onnxruntime  # noqa: F401
     import rich.table  # noqa: F401
 
     shared = mmap.mmap(-1, 8)

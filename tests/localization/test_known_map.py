@@ -66,12 +66,16 @@ def test_in_another_world_the_same_objects_are_ready(street, tiled):
     assert np.allclose(car.world_from_object.matrix, (turned @ street[25].world_from_object).matrix, atol=1e-9)
 
 
-def test_a_start_is_looked_for_in_small_maps_only(street, tiled, tmp_path):
+def test_in_a_large_map_a_start_is_not_looked_for_among_all_objects(street, tiled, tmp_path):
+    assert not KnownMap(tiled, 70.0).is_large
     assert len(KnownMap(tiled, 70.0).all_of_few()) == 100
     large = TiledMap.create(tmp_path / "large")
     large.put(replace(street[0], id=i, world_from_object=Pose.from_yaw(0, np.array([i, 0, 0.0]))) for i in range(1001))
-    with pytest.raises(MapError, match=r"initial_state\.yaml"):
-        KnownMap(large, 70.0).all_of_few()
+    known = KnownMap(large, 70.0)
+    assert known.is_large
+    assert len(known.constellations(40.0)) == 1001
+    assert known.constellations(40.0) is known.constellations(40.0)
+    assert not KnownMap(large.loaded(), 70.0).is_large
 
 
 def test_an_empty_map_is_refused(tmp_path):

@@ -316,8 +316,8 @@ def damaged(city, change):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda d: d.update(format="other"), "expected 'meshslam-city' version 1"),
-        (lambda d: d.update(version=2), "version 2"),
+        (lambda d: d.update(format="other"), "expected 'meshslam-city' version 2"),
+        (lambda d: d.update(version=1), "found 'meshslam-city' version 1"),
         (lambda d: d.pop("tiles"), "damaged: 'tiles'"),
         (lambda d: d.update(tile_m="x"), "damaged"),
         (lambda d: d["tiles"][0].__setitem__(6, "../../etc/passwd"), "digests are not 32 hexadecimal digits"),

@@ -60,3 +60,76 @@ def _fitted(known, seen, pairs, yaw):
     a, b = p - p.mean(0), q - q.mean(0)
     yaw = float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
     return yaw, q.mean(0) - turned(p.mean(0), yaw)
+
+
+def pose_score(known, seen, end, pairs, rules, keep):
+    """The slow twin of `ParkedMap.candidates`: rows of score, turn, shift, scale of the best by one pair of `seen`."""
+    found = []
+    a, b = end
+    for pair in pairs:
+        for i, j in (pair, pair[::-1]):
+            laid = _laid(known, seen, (i, j), end, rules)
+            if laid is not None:
+                yaw, shift, turn_variance, scale, cost = laid
+                middle = (seen.places[a] + seen.places[b])[:2] / 2
+                score = _score(known, seen, yaw, shift, middle, turn_variance, scale, rules) - cost
+                if score > 0:
+                    found.append((score, yaw, *shift, scale))
+    found.sort(key=lambda row: (-row[0], *row[1:]))
+    return np.array(found[:keep]).reshape(-1, 5)
+
+
+def _apart(one, other):
+    return (one - other + np.pi / 2) % np.pi - np.pi / 2
+
+
+def _laid(known, seen, pair, end, rules):
+    for k, s in zip(pair, end, strict=True):
+        if np.abs(np.log(known.sizes[k] / seen.sizes[s])).max() > 2.5 * np.sqrt(
+            rules.size_variance + rules.scale_sigma**2
+        ):
+            return None
+    of_known = (known.places[pair[1]] - known.places[pair[0]])[:2]
+    of_seen = (seen.places[end[1]] - seen.places[end[0]])[:2]
+    length, seen_length = np.linalg.norm(of_known), np.linalg.norm(of_seen)
+    variance = 2 * rules.place_variance_m2 + (rules.drift_share * seen_length) ** 2
+    variance += (known.sigmas_m[list(pair)] ** 2).sum() + (seen.sigmas_m[list(end)] ** 2).sum()
+    measured, prior, away = variance / seen_length**2, rules.scale_sigma**2, length / seen_length - 1
+    if abs(away) > 2.5 * np.sqrt(prior + measured):
+        return None
+    scale, cost = 1 + away * prior / (prior + measured), 0.5 * away**2 / (prior + measured)
+    yaw = np.arctan2(of_known[1], of_known[0]) - np.arctan2(of_seen[1], of_seen[0])
+    turn_variance = variance / seen_length**2
+    most = 2.5 * np.sqrt(2 * rules.heading_sigma_rad**2 + turn_variance)
+    if any(abs(_apart(known.yaws_rad[k], seen.yaws_rad[s] + yaw)) > most for k, s in zip(pair, end, strict=True)):
+        return None
+    here = (seen.places[end[0]] + seen.places[end[1]])[:2] / 2
+    there = (known.places[pair[0]] + known.places[pair[1]])[:2] / 2
+    return yaw, there - scale * _turn(here, yaw), turn_variance, scale, cost
+
+
+def _turn(point, yaw):
+    return np.array([np.cos(yaw) * point[0] - np.sin(yaw) * point[1], np.sin(yaw) * point[0] + np.cos(yaw) * point[1]])
+
+
+def _score(known, seen, yaw, shift, middle, turn_variance, scale, rules):
+    total = 0.0
+    for s in range(len(seen)):
+        place = scale * _turn(seen.places[s, :2], yaw) + shift
+        lever = np.linalg.norm(seen.places[s, :2] - middle)
+        own = rules.place_variance_m2 + seen.sigmas_m[s] ** 2 + lever**2 * (rules.drift_share**2 + turn_variance)
+        best = 0.0
+        for k in range(len(known)):
+            gap = ((known.places[k, :2] - place) ** 2).sum()
+            variance = own + known.sigmas_m[k] ** 2
+            turn = _apart(known.yaws_rad[k], seen.yaws_rad[s] + yaw) / rules.heading_sigma_rad
+            miss = gap / variance + 0.5 * turn**2
+            if gap > 16.0 or miss > rules.gate**2:
+                continue
+            same, other = rules.size_variance, rules.other_size_variance
+            sizes = np.log(known.sizes[k] / seen.sizes[s] / scale)
+            gain = np.log(1 / (2 * np.pi * variance * rules.objects_per_m2)) - miss / 2
+            gain += 0.5 * (np.log(other / same) - sizes**2 * (1 / same - 1 / other)).sum()
+            best = max(best, gain)
+        total += best
+    return total

@@ -49,7 +49,7 @@ def another(known, config):
         return "other"
     value = 1 if value is None else value
     for other in (value + 1, value - 1, value * 0.9, 0.5):
-        if known.problem(other, vars(config)) is None:
+        if other != value and known.problem(other, vars(config)) is None:
             return other
     raise AssertionError(known.name)
 
@@ -122,6 +122,24 @@ ADDED = (  # since 0.1
     "merging.visits.min_frames",
     "merging.visits.step_m",
     "merging.visits.step_deg",
+    "merging.constellations.scale_sigma",
+    "localization.relocalization.search_every_s",
+    "localization.relocalization.give_up_s",
+    "localization.relocalization.constellations.pair_radius_m",
+    "localization.relocalization.constellations.place_sigma_m",
+    "localization.relocalization.constellations.drift_share",
+    "localization.relocalization.constellations.scale_sigma",
+    "localization.relocalization.constellations.height_sigma_m",
+    "localization.relocalization.constellations.heading_sigma_deg",
+    "localization.relocalization.constellations.size_sigma",
+    "localization.relocalization.constellations.size_spread",
+    "localization.relocalization.constellations.cars_per_m2",
+    "localization.relocalization.constellations.unshared_cost",
+    "localization.relocalization.constellations.candidates",
+    "localization.relocalization.constellations.min_objects",
+    "localization.relocalization.constellations.min_evidence",
+    "localization.relocalization.constellations.min_agreement",
+    "localization.relocalization.constellations.max_ambiguity",
 )
 
 

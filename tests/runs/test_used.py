@@ -49,6 +49,9 @@ SELDOM = {  # read where tiny runs do not come
     "segmentation.max_side_px": "a network leaves its input's size open",
     "colour.max_gap": "a body is seen in two parts",
     "localization.gate.moved_views": "an object was moved",
+    **dict.fromkeys(
+        (path for path in KNOWN if path.startswith("localization.relocalization.")), "a large map, no start"
+    ),
     "slam.retry_views": "an object's start failed",
     "slam.road.sigma_share": "the road's texture is clear",
     **{

@@ -4,6 +4,7 @@
 //! perturb on the right.
 
 pub mod camera;
+pub mod constellations;
 pub mod error;
 pub mod factor;
 pub mod gradients;

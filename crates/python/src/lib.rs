@@ -1,5 +1,6 @@
 //! The Python binding: shapes and indices are checked here, the GIL is released, errors are mapped; no logic.
 
+mod constellations;
 mod convert;
 mod geometry;
 mod gradients;
@@ -16,6 +17,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::constellations::ParkedMap;
     #[pymodule_export]
     use super::geometry::{
         cotangent_weights, exp_so3, log_so3, right_jacobian, right_jacobian_inverse, triangulate, voxel_iou,

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         projection_derivative,
         selection,
     )
+    from meshslam.geometry.parked_map import ParkedMap, ParkedRules, parked_rows
     from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
     from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
     from meshslam.geometry.rendering import Outline, Rendering, coverage, outline, render
@@ -67,6 +68,7 @@ else:
                 "PixelDerivatives camera_points keypoint_loss keypoint_loss_gradient keypoint_pixels mask_loss "
                 "mask_loss_gradient mesh_masks pixel_derivatives projection_derivative selection"
             ),
+            "parked_map": "ParkedMap ParkedRules parked_rows",
             "pose": "Pose QuaternionOrder nearest_rotation",
             "quaternions": "quaternions_of_rotations rotations_of_quaternions",
             "rendering": "Outline Rendering coverage outline render",
@@ -97,6 +99,8 @@ __all__ = [
     "ObjectModel",
     "ObjectState",
     "Outline",
+    "ParkedMap",
+    "ParkedRules",
     "PixelDerivatives",
     "Pose",
     "QuaternionOrder",
@@ -135,6 +139,7 @@ __all__ = [
     "mesh_masks",
     "nearest_rotation",
     "outline",
+    "parked_rows",
     "pixel_derivatives",
     "projection_derivative",
     "quaternions_of_rotations",

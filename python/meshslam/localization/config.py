@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from meshslam.geometry import NoiseModel
+from meshslam.maps import ConstellationConfig
 from meshslam.settings import Settings, expert, public
 
 
@@ -52,6 +53,21 @@ class ObservationNoiseConfig(Settings):
         )
 
 
+# A map of a few seconds has a scale that is known to some percent, and most of the cars about it are yet to be seen
+OF_FEW_SECONDS = ConstellationConfig(
+    scale_sigma=0.04, unshared_cost=0.0, candidates=32, min_evidence=3.0, min_agreement=3.5, max_ambiguity=0.4
+)
+
+
+@dataclass(frozen=True)
+class RelocalizationConfig(Settings):
+    """How a start that is not given is looked for in a large map."""
+
+    search_every_s: float = expert(1.0, above=0)  # of new frames
+    give_up_s: float = expert(30.0, above=0)  # of frames
+    constellations: ConstellationConfig = field(default_factory=lambda: OF_FEW_SECONDS)
+
+
 @dataclass(frozen=True)
 class LocalizationConfig(Settings):
     """Settings of `localize`, beside those of estimation."""
@@ -60,6 +76,7 @@ class LocalizationConfig(Settings):
     association: AssociationConfig = field(default_factory=AssociationConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     noise: ObservationNoiseConfig = field(default_factory=ObservationNoiseConfig)
+    relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
     edge_margin_px: int = expert(10, low=0)  # a border this near to the image's edge is not the object's own
     min_box_px: float = expert(20.0, low=0)
     use_map_covariance: bool = public(True, doc="objects with a covariance are estimated along, else they are fixed")

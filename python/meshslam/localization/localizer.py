@@ -11,15 +11,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from meshslam.categories import category_names, load_category
-from meshslam.errors import SequenceError
+from meshslam.errors import MapError, SequenceError
 from meshslam.geometry import Bytes, Camera, Floats, Pose
 from meshslam.graph import StateMarginal, unchanged, unchanged_by_errors
 from meshslam.initialization import EstimationConfig, FirstFrames, settling_seconds
 from meshslam.localization.archive import archive_errors, read_archive, under, write_archive
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator
+from meshslam.localization.local_mapping import MakeLocalMapping, PlaceSearch, no_local_mapping
 from meshslam.localization.map_models import KnownMap
-from meshslam.localization.relocalization import MapStart, start_in_map
+from meshslam.localization.relocalization import MapStart, explained, settled_in_map, start_in_map
 from meshslam.localization.stream import Stream
 from meshslam.maps import Map, TiledMap
 from meshslam.motion import Mounting, NavState, rate_at, state_of_camera
@@ -123,6 +124,7 @@ class Localizer:
         classes: Mapping[str, str] | None = None,
         keypoint_names: Mapping[str, Sequence[str]] | None = None,
         config: LocalizerSettings | None = None,
+        local_mapping: MakeLocalMapping | None = None,
         source: str = "stream",
     ) -> None:
         """`adapter` (YAML) says how the network is fed and read, `classes` its classes that are others of ours.
@@ -130,11 +132,19 @@ class Localizer:
         Such as {"vehicle": "car"}. `keypoint_names` are their order in given detections, by category; the shipped
         categories' own if not given.
 
-        Without a `start` the first seconds are looked for in the map. `source` is what messages call the stream.
+        Without a `start` the first seconds are looked for in the map. In a map in tiles of more than 1,000 objects
+        `local_mapping` is needed for that: meshslam.object_slam.SlamLocalMapping. `source` is what messages call the
+        stream.
         """
         self._settings, self._given_start, self._source = config or _DefaultSettings(), start, source
         self._camera, self._imu_from_camera = camera, imu_from_camera
         self._known = KnownMap(map, self._settings.localization.association.max_distance_m)
+        self._local_mapping = local_mapping
+        self._search: PlaceSearch | None = None
+        self._search_note: tuple[str, ...] = ()
+        self._searched_s = -np.inf  # samples until then have gone into the search
+        if start is None and self._known.is_large and local_mapping is None:
+            raise MapError(no_local_mapping(self._known))
         self._names = _shipped_names() if keypoint_names is None else {k: tuple(v) for k, v in keypoint_names.items()}
         settings = self._settings
         self._perception = FramePerception(
@@ -182,14 +192,37 @@ class Localizer:
             self._stream.see(number, given.time_s, given.detections)
             reached = self._taken(given)
             _check_finite(number, reached.world_from_camera)
-            return replace(reached, notes=(*self._stream.notes, *self._perception.notes))
+            return replace(reached, notes=(*self._stream.notes, *self._perception.notes, *self._search_note))
 
     def _taken(self, given: _Frame) -> LocalizerState:
         if self._estimator is not None:
             return self._step(given)
         self._waiting.append(given)
+        if self._given_start is None and self._known.is_large:
+            return self._looked(given)
         if self._suffices():
-            return self._begin()
+            return self._begin(*self._start())
+        return LocalizerState(given.number, given.time_s, None, None, None, (), ())
+
+    def _looked(self, given: _Frame) -> LocalizerState:
+        """The next frame of a search in a large map, which begins anew where many frames have shown nothing."""
+        assert self._local_mapping is not None
+        if self._search is None:
+            mapping = self._local_mapping(self._camera, self._imu_from_camera, self._names, self._source)
+            self._search = PlaceSearch(self._known, mapping, self._settings.localization.relocalization)
+        search, settings = self._search, self._settings
+        imu = self._stream.samples().between(self._searched_s, np.inf)
+        self._searched_s, self._search_note = float(self._stream.samples().times_s[-1]), ()
+        found = search.take(given.number, given.time_s, imu, given.detections)
+        if found is not None:
+            start = self._map_start()
+            state = explained(start, self._known, found, settings.localization)
+            if state is not None:
+                self._search = None
+                return self._begin(*settled_in_map(start, state, self._fresh, settings.estimation))
+        if search.is_over(given.time_s):
+            self._search, self._waiting = None, []
+            self._search_note = (f"the place was not found in the map, the search begins anew: {search.refused}",)
         return LocalizerState(given.number, given.time_s, None, None, None, (), ())
 
     def save(self, path: Path | str) -> None:
@@ -265,9 +298,8 @@ class Localizer:
         seconds = max(unknown.alignment.seconds, settling_seconds(unknown, lag_s))
         return self._waiting[-1].time_s - self._waiting[0].time_s > seconds
 
-    def _begin(self) -> LocalizerState:
-        """Find the first state, and go through the frames that waited for it."""
-        state, estimation = self._start()
+    def _begin(self, state: NavState, estimation: EstimationConfig) -> LocalizerState:
+        """Go through the frames that waited for the first state."""
         self._estimator = self._fresh(estimation)
         first, *rest = self._waiting
         self._waiting = []
@@ -278,11 +310,14 @@ class Localizer:
         return reached
 
     def _start(self) -> tuple[NavState, EstimationConfig]:
-        imu, estimation, given = self._stream.samples(), self._settings.estimation, self._given_start
-        first = self._waiting[0]
+        imu, settings, given = self._stream.samples(), self._settings, self._given_start
+        first, estimation = self._waiting[0], settings.estimation
         if given is not None:
             pose, velocity, rate = given.world_from_camera, given.velocity_in_world, rate_at(imu, first.time_s)
             return state_of_camera(first.time_s, pose, velocity, rate, self._imu_from_camera), estimation
+        return start_in_map(self._map_start(), self._known, self._fresh, estimation, settings.localization)
+
+    def _map_start(self) -> MapStart:
         frames = FirstFrames(
             self._camera,
             tuple(f.number for f in self._waiting),
@@ -292,8 +327,7 @@ class Localizer:
         )
         by_frame = {f.number: f.detections for f in self._waiting}
         tracked = [d for f in self._waiting for d in f.detections]
-        seen = MapStart(frames, imu, self._imu_from_camera, by_frame, tracked, self._names)
-        return start_in_map(seen, self._known.all_of_few(), self._fresh, estimation, self._settings.localization)
+        return MapStart(frames, self._stream.samples(), self._imu_from_camera, by_frame, tracked, self._names)
 
     def _step(self, frame: _Frame) -> LocalizerState:
         assert self._estimator is not None

@@ -10,7 +10,7 @@ import numpy as np
 
 from meshslam.errors import MapError
 from meshslam.geometry import Camera, Floats, Ints, ObjectModel, Pose
-from meshslam.maps import Map, MapObject, TiledMap
+from meshslam.maps import ConstellationIndex, Map, MapObject, TiledMap
 
 NEAR_M = 0.3
 _FEW = 1000
@@ -103,6 +103,7 @@ class KnownMap:
     reach_m: float  # how far from the camera objects are looked for
     to_from_map: Pose = field(default_factory=Pose.identity)  # into the world that the camera is looked for in
     _tiles: OrderedDict[tuple[int, int], tuple[KnownObject, ...]] = field(default_factory=OrderedDict, repr=False)
+    _index: ConstellationIndex | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not len(self.scene):
@@ -126,16 +127,23 @@ class KnownMap:
             del self._tiles[key]
         return tuple(sorted((thing for key in keys for thing in self._tiles[key]), key=lambda thing: thing.id))
 
+    @property
+    def is_large(self) -> bool:
+        """Whether a start is looked for by an index of the map, not among all its objects."""
+        return isinstance(self.scene, TiledMap) and len(self.scene) > _FEW
+
     def all_of_few(self) -> tuple[KnownObject, ...]:
-        """All objects, to look for a start among them; MapError where they are too many for that."""
+        """All objects of a map that is not large, to look for a start among them."""
         if isinstance(self.scene, Map):
             return self._all
-        if len(self.scene) > _FEW:
-            raise MapError(
-                f"{self.scene.folder}: a start is looked for among {_FEW} objects at most, the map has "
-                f"{len(self.scene)}: give initial_state.yaml, or a map of the part where the drive begins"
-            )
         return tuple(sorted((o for t in self.scene.tiles() for o in self._ready(t)), key=lambda thing: thing.id))
+
+    def constellations(self, radius_m: float) -> ConstellationIndex:
+        """The index of a large map."""
+        assert isinstance(self.scene, TiledMap)
+        if self._index is None or self._index.radius_m != radius_m:
+            self._index = self.scene.constellations(radius_m)
+        return self._index
 
     def _ready(self, things: Sequence[MapObject]) -> tuple[KnownObject, ...]:
         moved = (replace(t, world_from_object=self.to_from_map @ t.world_from_object) for t in things)

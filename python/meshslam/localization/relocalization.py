@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from collections.abc import Sequence as Rows
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from meshslam.errors import SequenceError
+from meshslam.errors import MapError, SequenceError
 from meshslam.geometry import Bools, Camera, Floats, Pose
 from meshslam.graph import ObservationCost
 from meshslam.initialization import EstimationConfig, Estimator, FirstFrames, rough_start, settled, unknown_start
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.correction import MapObservation, correct
 from meshslam.localization.data_association import FrameMasks, associate, in_view, observations_of
-from meshslam.localization.map_models import KnownObject
+from meshslam.localization.local_mapping import MakeLocalMapping, Place, PlaceSearch, moved_state, no_local_mapping
+from meshslam.localization.map_models import KnownMap, KnownObject
 from meshslam.motion import Mounting, NavState, inertial_path
 from meshslam.objects import ObjectConfig
 from meshslam.perception import Detection
@@ -25,6 +27,7 @@ _HEADINGS = 120
 _SLACK_M, _SLACK_SHARE = 1.5, 0.12  # by which a rough place may be off, and more for every metre away
 _SAME_ID = 0.5  # a track id that is the object's id counts as half an object
 _RANKED, _CANDIDATES = 2000, 40  # looked through, and compared with the images
+_COMPARED = 5  # frames at a place of a large map
 _EXPLAINED = 1.5  # cost of a view, per independent observation, below which it speaks for a candidate
 _PLACE_SIGMA_M = 1.0  # of the first camera after that
 _APART_M, _APART_RAD = 1.0, 0.1  # candidates nearer than this are one
@@ -53,13 +56,89 @@ class MapStart:
 
 def start_in_map(
     given: MapStart,
-    objects: Rows[KnownObject],
+    known: KnownMap,
     fresh: Callable[[EstimationConfig], Estimator],
     estimation: EstimationConfig,
     config: LocalizationConfig,
     progress: Callable[[str, int, int], None] | None = None,
+    make_local: MakeLocalMapping | None = None,
 ) -> tuple[NavState, EstimationConfig]:
-    """The first state in a map, and the settings to begin with it; SequenceError if the map explains nothing."""
+    """The first state in a map, and the settings to begin with it; SequenceError if the map explains nothing.
+
+    In a large map `make_local` maps the first seconds; MapError where it is missing.
+    """
+    if known.is_large:
+        rough = _state_in_large_map(given, known, config, progress, make_local)
+    else:
+        rough = _state_among_few(given, known.all_of_few(), estimation, config)
+    return settled_in_map(given, rough, fresh, estimation, progress)
+
+
+def settled_in_map(
+    given: MapStart,
+    rough: NavState,
+    fresh: Callable[[EstimationConfig], Estimator],
+    estimation: EstimationConfig,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[NavState, EstimationConfig]:
+    """The first seconds are run in the map until they settle, and the settings to begin with what they end up with."""
+    unknown, speed_m_s = estimation.unknown_start, float(np.linalg.norm(rough.velocity_in_world))
+    start = unknown_start(estimation.start, unknown, speed_m_s)
+    start = replace(start, position_sigma_m=_PLACE_SIGMA_M, heading_sigma_deg=start.rotation_sigma_deg)
+    estimation = replace(estimation, start=start)
+    by_frame, lag_s = given.detections_of_frame, estimation.smoother.lag_s
+    begin = partial(fresh, estimation)
+    reached = settled(given.first, given.imu, by_frame, rough, begin, start, unknown, lag_s, progress)
+    return reached.state, estimation
+
+
+def _state_in_large_map(
+    given: MapStart,
+    known: KnownMap,
+    config: LocalizationConfig,
+    progress: Callable[[str, int, int], None] | None,
+    make_local: MakeLocalMapping | None,
+) -> NavState:
+    """The first state by the objects of a map of the first seconds, and by the images there."""
+    first, imu = given.first, given.imu
+    if make_local is None:
+        raise MapError(no_local_mapping(known))
+    mapping = make_local(first.camera, given.imu_from_camera, given.keypoint_names, first.source)
+    search = PlaceSearch(known, mapping, config.relocalization, progress)
+    by_frame: dict[int, list[Detection]] = {}
+    for detection in given.tracked:
+        by_frame.setdefault(detection.frame, []).append(detection)
+    for index, number in enumerate(first.frame_ids):
+        time_s = float(first.times_s[index])
+        found = search.take(number, time_s, imu if index == 0 else None, tuple(by_frame.get(number, ())))
+        if found is not None and (state := explained(given, known, found, config)) is not None:
+            return state
+        if search.is_over(time_s):
+            break
+    raise SequenceError(
+        f"{first.source}: no start: there is no initial_state.yaml, and the objects of the first "
+        f"{time_s - first.times_s[0]:.0f} s are found nowhere among the map's {len(known)}: {search.refused}; another "
+        "map, a part of the drive with more parked cars (--from), or give initial_state.yaml"
+    )
+
+
+def explained(given: MapStart, known: KnownMap, place: Place, config: LocalizationConfig) -> NavState | None:
+    """The first state at a place, moved to where the images fit; None if the map explains none of them."""
+    there, path = place.map_from_local, place.local_from_camera
+    seen = {n: _usable(given.detections_of_frame.get(n, ()), config) for n in path}
+    shown = [number for number, detections in seen.items() if detections]
+    chosen = sorted({shown[k * (len(shown) - 1) // (_COMPARED - 1)] for k in range(_COMPARED)} if shown else ())
+    start_frames = [StartFrame(path[number], seen[number]) for number in chosen]
+    objects = {o.id: o for number in chosen for o in known.around((there @ path[number]).translation)}
+    nearby, names = [objects[number] for number in sorted(objects)], given.keypoint_names
+    there, score = _compared(given.first.camera, nearby, there, start_frames, names, config)
+    return moved_state(place.first_state, there) if score > 0 else None
+
+
+def _state_among_few(
+    given: MapStart, objects: Rows[KnownObject], estimation: EstimationConfig, config: LocalizationConfig
+) -> NavState:
+    """The first state by rough places of the first objects, and by the images there."""
     first, imu, unknown = given.first, given.imu, estimation.unknown_start
     # A rough start in a levelled world of its own
     heights = _heights(objects)
@@ -77,18 +156,7 @@ def start_in_map(
             f"{first.source}: no start: there is no initial_state.yaml, and what is seen in the first {rough.frames} "
             f"frames is found nowhere among the map's {len(objects)} objects: another map, or give initial_state.yaml"
         )
-    state = replace(
-        rough.state,
-        world_from_imu=found @ rough.state.world_from_imu,
-        velocity_in_world=found.rotation @ rough.state.velocity_in_world,
-    )
-    # The first seconds are run until they settle
-    start = unknown_start(estimation.start, unknown, float(np.linalg.norm(state.velocity_in_world)))
-    start = replace(start, position_sigma_m=_PLACE_SIGMA_M, heading_sigma_deg=start.rotation_sigma_deg)
-    estimation = replace(estimation, start=start)
-    by_frame, lag_s = given.detections_of_frame, estimation.smoother.lag_s
-    reached = settled(first, imu, by_frame, state, lambda: fresh(estimation), start, unknown, lag_s, progress)
-    return reached.state, estimation
+    return moved_state(rough.state, found)
 
 
 def _heights(objects: Rows[KnownObject]) -> dict[str, float]:

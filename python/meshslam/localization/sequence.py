@@ -19,6 +19,7 @@ from meshslam.initialization import (
 from meshslam.localization.config import LocalizationConfig
 from meshslam.localization.estimator import FrameReport, LocalizationEstimator, PathEstimate
 from meshslam.localization.gradient_estimator import GradientEstimator
+from meshslam.localization.local_mapping import MakeLocalMapping
 from meshslam.localization.map_models import KnownMap
 from meshslam.localization.relocalization import MapStart, start_in_map
 from meshslam.maps import Map, TiledMap, Trajectory, TrajectoryEstimate
@@ -91,10 +92,12 @@ def localize_sequence(
     config: LocalizationConfig,
     progress: Callable[[str, int, int], None] | None = None,
     on_frame: Callable[[LocalizedFrame], None] | None = None,
+    make_local: MakeLocalMapping | None = None,
 ) -> Localization:
     """Find the camera of every frame in a map; MeshslamError in clear words where the input does not allow it.
 
-    `on_frame` is called with each frame once it is localized.
+    `on_frame` is called with each frame once it is localized. `make_local` maps the first seconds where a large map is
+    given without a start.
     """
     imu, imu_from_camera = check_imu(sequence, estimation.imu)
     level = level_from_world(sequence, imu, imu_from_camera)
@@ -108,7 +111,7 @@ def localize_sequence(
     if sequence.initial_state is None and sequence.world_from_camera is None:
         tracked = track(detections, None, turn=turns(sequence)).detections
         given = MapStart(FirstFrames.of(sequence), imu, imu_from_camera, by_frame, tracked, names)
-        start, estimation = start_in_map(given, known.all_of_few(), fresh, estimation, config, progress)
+        start, estimation = start_in_map(given, known, fresh, estimation, config, progress, make_local)
     else:
         start = start_state(sequence, imu, imu_from_camera)
     estimator = SOLVERS[config.solver](sequence.camera, known, mounting, names, estimation, config)

@@ -8,6 +8,8 @@ from meshslam.files import remove_leftovers, write_atomically, write_together
 if TYPE_CHECKING:
     from meshslam.maps.camera_path import CameraPath
     from meshslam.maps.constellation import Constellation, ConstellationConfig
+    from meshslam.maps.constellation_index import ConstellationIndex
+    from meshslam.maps.constellation_search import find_constellation
     from meshslam.maps.constellations import ConstellationMatch, match_constellations, match_near
     from meshslam.maps.figures import read_figures
     from meshslam.maps.gltf import linear, object_colour, save_glb, to_glb, vertex_colours
@@ -25,6 +27,8 @@ else:
         {
             "camera_path": "CameraPath",
             "constellation": "Constellation ConstellationConfig",
+            "constellation_index": "ConstellationIndex",
+            "constellation_search": "find_constellation",
             "constellations": "ConstellationMatch match_constellations match_near",
             "figures": "read_figures",
             "gltf": "linear object_colour save_glb to_glb vertex_colours",
@@ -46,6 +50,7 @@ __all__ = [
     "CameraPath",
     "Constellation",
     "ConstellationConfig",
+    "ConstellationIndex",
     "ConstellationMatch",
     "Map",
     "MapObject",
@@ -56,6 +61,7 @@ __all__ = [
     "TiledMap",
     "Trajectory",
     "TrajectoryEstimate",
+    "find_constellation",
     "format_ply",
     "linear",
     "match_constellations",

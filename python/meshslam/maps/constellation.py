@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class ConstellationConfig(Settings):
     pair_radius_m: float = expert(40.0, above=0)  # two objects that vote are nearer to each other than this
     place_sigma_m: float = expert(0.15, above=0)  # of an object in its drive, beside its own covariance,
     drift_share: float = expert(0.01, low=0, high=1)  # and so much more of its distance to the others
+    scale_sigma: float = expert(0.0, low=0, high=0.5)  # of one set's lengths against the other's; 0: they are the same
     height_sigma_m: float = expert(0.4, above=0)
     heading_sigma_deg: float = expert(4.0, above=0, high=45)
     size_sigma: float = expert(0.04, above=0)  # of length, width, height, as logarithm
@@ -49,6 +50,10 @@ class Constellation:
 
     def __len__(self) -> int:
         return len(self.places)
+
+    def scaled(self, scale: float) -> Constellation:
+        """The same with all lengths multiplied."""
+        return self if scale == 1.0 else replace(self, places=scale * self.places, sizes=scale * self.sizes)
 
     @staticmethod
     def of(objects: Sequence[MapObject]) -> Constellation:

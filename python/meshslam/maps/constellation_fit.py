@@ -12,8 +12,9 @@ from meshslam.maps.neighbours import GroundGrid
 
 _ROUNDS = 4  # of matching and fitting
 _WIDE = 2.0  # the gate of all but the last two is wider by so much: two objects alone tell a pose roughly
-_GATE = 3.0  # sigmas
+GATE = 3.0  # sigmas
 _YAW_SIGMA_RAD = 0.05  # to which a constellation tells its heading, among the headings that could have been
+_SCALE_SIGMA, _LEAST_SCALE = 0.005, 0.5  # to which a constellation tells its scale; and no scale is less
 _OVERLAP_M, _OVERLAP_COST = 2.0, 1.0  # cars of both sets cannot stand so near, unless one has moved
 _BESIDE_M = 12.0  # from a shared object, where others should be shared, too
 
@@ -22,11 +23,12 @@ _BESIDE_M = 12.0  # from a shared object, where others should be shared, too
 class ConstellationFit:
     """Pairs at a pose; row i says that `known[i]` is `seen[i]`."""
 
-    known_from_seen: Pose  # a turn about z and a shift
+    known_from_seen: Pose  # a turn about z and a shift, after the scale
     known: Ints
     seen: Ints
     evidence: float  # logarithm of the odds against chance
     agreement: float  # what a pair adds to it, mean
+    scale: float = 1.0  # by which the lengths of `seen` are multiplied
 
 
 def search_radius_m(known: Constellation, seen: Constellation, config: ConstellationConfig) -> float:
@@ -34,25 +36,55 @@ def search_radius_m(known: Constellation, seen: Constellation, config: Constella
     extent = float(np.linalg.norm(np.ptp(seen.places[:, :2], axis=0)))
     own = float(known.sigmas_m.max() ** 2 + seen.sigmas_m.max() ** 2)
     sigma = np.sqrt(2 * config.place_sigma_m**2 + (config.drift_share * extent) ** 2 + own)
-    return max(float(_GATE * _WIDE * sigma), _OVERLAP_M)
+    return max(float(GATE * _WIDE * sigma), _OVERLAP_M)
 
 
 def fit_constellation(
-    known: Constellation, seen: Constellation, grid: GroundGrid, start: Pose, config: ConstellationConfig
+    known: Constellation,
+    seen: Constellation,
+    grid: GroundGrid,
+    start: Pose,
+    config: ConstellationConfig,
+    among: int | None = None,
+    scale: float = 1.0,
 ) -> ConstellationFit:
-    """Match and fit in turns from a start, whose height is not known; `grid` holds the places of `known`."""
-    pose, level = start, False
+    """Match and fit in turns from a start, whose height is not known; `grid` holds the places of `known`.
+
+    `among`: how many objects the place was chosen from, where `known` are those of one place alone.
+    """
+    pose, level, own = start, False, seen.scaled(scale)
     k = s = np.zeros(0, np.int64)
-    middle = seen.places[:, :2].mean(0)
+    middle = own.places[:, :2].mean(0)
     for number in range(_ROUNDS + 1):
         wide = _WIDE if number < _ROUNDS - 2 else 1.0
-        k, s, gains, near = _matched(known, seen, grid, pose, middle, config, wide, level=level)
+        k, s, gains, near = _matched(known, own, grid, pose, middle, config, wide, level=level)
         if len(k) < 2:
-            return ConstellationFit(pose, k, s, 0.0, 0.0)
+            return ConstellationFit(pose, k, s, 0.0, 0.0, scale)
         if number < _ROUNDS:
-            pose, middle, level = fitted_pose(known, seen, k, s, pose.yaw_rad), seen.places[s, :2].mean(0), True
-    evidence = _evidence(known, seen, k, s, gains, near, config)
-    return ConstellationFit(pose, k, s, evidence, float(gains.mean()))
+            scale = _fitted_scale(known, seen, k, s, config) if config.scale_sigma > 0 else 1.0
+            own = seen.scaled(scale)
+            pose, middle, level = fitted_pose(known, own, k, s, pose.yaw_rad), own.places[s, :2].mean(0), True
+    evidence = _evidence(known, own, k, s, gains, near, config, among or len(known)) - _scale_cost(scale, config)
+    return ConstellationFit(pose, k, s, evidence, float(gains.mean()), scale)
+
+
+def _fitted_scale(known: Constellation, seen: Constellation, k: Ints, s: Ints, config: ConstellationConfig) -> float:
+    """By which `seen` is as large as what it is laid on, with the prior about 1."""
+    weight = 1.0 / (2 * config.place_sigma_m**2 + known.sigmas_m[k] ** 2 + seen.sigmas_m[s] ** 2)
+    aim = known.places[k, :2] - weight @ known.places[k, :2] / weight.sum()
+    own = seen.places[s, :2] - weight @ seen.places[s, :2] / weight.sum()
+    along = weight @ (own * aim).sum(1)
+    across = weight @ (own[:, 0] * aim[:, 1] - own[:, 1] * aim[:, 0])
+    prior = config.scale_sigma**-2
+    return max(float((np.hypot(along, across) + prior) / (weight @ (own**2).sum(1) + prior)), _LEAST_SCALE)
+
+
+def _scale_cost(scale: float, config: ConstellationConfig) -> float:
+    """Of a scale beside 1, and of its choice."""
+    if config.scale_sigma == 0:
+        return 0.0
+    chosen = max(0.0, float(np.log(config.scale_sigma / _SCALE_SIGMA)))
+    return 0.5 * ((scale - 1.0) / config.scale_sigma) ** 2 + chosen
 
 
 def fitted_pose(known: Constellation, seen: Constellation, k: Ints, s: Ints, yaw_rad: float) -> Pose:
@@ -95,7 +127,7 @@ def _matched(
     same, different = 2 * config.size_sigma**2, 2 * config.size_sigma**2 + 2 * config.size_spread**2
     size_gain = 0.5 * (np.log(different / same) - sizes**2 * (1 / same - 1 / different)).sum(1)
     gain = np.log(1 / (2 * np.pi * variance * config.cars_per_m2)) + size_gain - 0.5 * miss
-    within = (miss <= _GATE**2 * wide**2 * 1.5) & (gain + (0.0 if wide == 1.0 else 2.0) > 0)
+    within = (miss <= GATE**2 * wide**2 * 1.5) & (gain + (0.0 if wide == 1.0 else 2.0) > 0)
     chosen = _one_to_one(s[within], k[within], gain[within])
     at = np.flatnonzero(within)[chosen]
     return k[at], s[at], gain[at], np.unique(near)
@@ -120,11 +152,12 @@ def _evidence(
     gains: Floats,
     near: Ints,
     config: ConstellationConfig,
+    among: int,
 ) -> float:
     """The pairs' gains, less what is won by choosing a pose freely: one object can be laid on any other."""
     variance = 2 * config.place_sigma_m**2 + known.sigmas_m[k] ** 2 + seen.sigmas_m[s] ** 2
     first = float(np.log(1 / (2 * np.pi * variance * config.cars_per_m2)).mean())
-    chosen = first + np.log(len(known)) + np.log(2 * np.pi / _YAW_SIGMA_RAD) / 2
+    chosen = first + np.log(among) + np.log(2 * np.pi / _YAW_SIGMA_RAD) / 2
     overlapping = len(set(near.tolist()) - set(s.tolist()))
     alone = _unshared_beside(known.places, k) + _unshared_beside(seen.places, s)
     return float(gains.sum() - chosen - _OVERLAP_COST * overlapping - config.unshared_cost * alone)

@@ -20,7 +20,7 @@ _NEIGHBOURS = np.array([(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c 
 
 
 @dataclass(frozen=True, eq=False)
-class _Pairs:
+class Pairs:
     """Two objects of one set, by their distance."""
 
     first: Ints
@@ -29,7 +29,7 @@ class _Pairs:
     bearing_rad: Floats  # from the first to the second
 
     @staticmethod
-    def within(one: Constellation, radius_m: float, *, both_ways: bool) -> _Pairs:
+    def within(one: Constellation, radius_m: float, *, both_ways: bool) -> Pairs:
         """All that are within the radius, by distance; `both_ways`: each of two is once the first."""
         flat = one.places[:, :2]
         first, second = GroundGrid.of(flat, radius_m).near(flat)
@@ -39,7 +39,7 @@ class _Pairs:
         kept_at = np.flatnonzero(kept)
         order = kept_at[np.argsort(distance[kept_at], kind="stable")]
         bearing = np.arctan2(between[order, 1], between[order, 0])
-        return _Pairs(first[order], second[order], distance[order], bearing)
+        return Pairs(first[order], second[order], distance[order], bearing)
 
 
 def vote(known: Constellation, seen: Constellation, config: ConstellationConfig) -> tuple[Floats, Floats]:
@@ -52,18 +52,16 @@ def vote(known: Constellation, seen: Constellation, config: ConstellationConfig)
         away = centre - (seen.places[b[0], :2] + seen.places[b[1], :2]) / 2
         yaws.append(yaw)
         middles.append(middle + turned(away, yaw))
-    extent = float(np.linalg.norm(np.ptp(seen.places[:, :2], axis=0)))
-    cell = _CELL_M + _CELL_SHARE * extent
-    return _most_voted(np.concatenate(yaws), np.concatenate(middles), cell, config.candidates)
+    return most_voted(np.concatenate(yaws), np.concatenate(middles), seen, config.candidates)
 
 
 def _agreeing(
     known: Constellation, seen: Constellation, config: ConstellationConfig
 ) -> Iterator[tuple[tuple[Ints, Ints], tuple[Ints, Ints], Floats]]:
     """Pairs of `known` and of `seen` that may be the same two objects, and the turn that lays one on the other."""
-    of_known = _Pairs.within(known, config.pair_radius_m, both_ways=True)
-    of_seen = _Pairs.within(seen, config.pair_radius_m, both_ways=False)
-    slack = _slack_m(known, seen, of_seen, config)
+    of_known = Pairs.within(known, config.pair_radius_m, both_ways=True)
+    of_seen = Pairs.within(seen, config.pair_radius_m, both_ways=False)
+    slack = slack_m(known, seen, of_seen, config)
     low = np.searchsorted(of_known.distance_m, of_seen.distance_m - slack, "left")
     high = np.searchsorted(of_known.distance_m, of_seen.distance_m + slack, "right")
     turn_rad = _SIGMAS * np.radians(config.heading_sigma_deg) * np.sqrt(2)
@@ -82,7 +80,7 @@ def _agreeing(
         yield (of_known.first[a], of_known.second[a]), (of_seen.first[b], of_seen.second[b]), yaw
 
 
-def _slack_m(known: Constellation, seen: Constellation, pairs: _Pairs, config: ConstellationConfig) -> Floats:
+def slack_m(known: Constellation, seen: Constellation, pairs: Pairs, config: ConstellationConfig) -> Floats:
     """By how much the distance of two objects may differ, for each pair of `seen`."""
     own = seen.sigmas_m[pairs.first] ** 2 + seen.sigmas_m[pairs.second] ** 2 + 2 * np.median(known.sigmas_m) ** 2
     drift = (config.drift_share * pairs.distance_m) ** 2
@@ -97,21 +95,21 @@ def _blocks(counts: Ints) -> Iterator[Ints]:
         yield np.flatnonzero(number == value)
 
 
-def _most_voted(yaws: Floats, middles: Floats, cell_m: float, count: int) -> tuple[Floats, Floats]:
+def most_voted(yaws: Floats, middles: Floats, seen: Constellation, count: int) -> tuple[Floats, Floats]:
     """The mean vote of the fullest cells of turn and place; a cell counts with those about it."""
     if not len(yaws):
         return yaws, middles
-    turns = round(_TURNS / _CELL_RAD)
+    turns, cell_m = round(_TURNS / _CELL_RAD), _CELL_M + _CELL_SHARE * extent_m(seen)
     cells = np.column_stack([np.floor(yaws % _TURNS / _TURNS * turns), np.floor(middles / cell_m)]).astype(np.int64)
-    occupied, member, votes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    member = member.reshape(-1)
-    keys = _cell_keys(occupied, turns)
-    order = np.argsort(keys, kind="stable")
+    keys, first, member, votes = np.unique(
+        _cell_keys(cells, turns), return_index=True, return_inverse=True, return_counts=True
+    )
+    occupied, member = cells[first], member.reshape(-1)
     about = np.zeros(len(occupied), np.int64)
     for step in _NEIGHBOURS:
         wanted = _cell_keys(occupied + step, turns)
-        at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-        about += np.where(keys[order][at] == wanted, votes[order][at], 0)
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        about += np.where(keys[at] == wanted, votes[at], 0)
     best = np.lexsort((np.arange(len(occupied)), -votes, -about))[:count]
     rank = np.full(len(occupied), -1)
     rank[best] = np.arange(len(best))
@@ -125,6 +123,11 @@ def _most_voted(yaws: Floats, middles: Floats, cell_m: float, count: int) -> tup
 
     yaw = np.arctan2(mean(np.sin(yaws)), mean(np.cos(yaws)))
     return yaw, np.column_stack([mean(middles[:, 0]), mean(middles[:, 1])])
+
+
+def extent_m(seen: Constellation) -> float:
+    """How far a set of objects reaches on the ground."""
+    return float(np.linalg.norm(np.ptp(seen.places[:, :2], axis=0)))
 
 
 def _cell_keys(cells: Ints, turns: int) -> Ints:

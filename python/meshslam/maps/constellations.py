@@ -30,6 +30,7 @@ class ConstellationMatch:
     agreement: float  # what a pair adds to the evidence, mean
     ambiguity: float  # the evidence of the next best place, as a share of this one's
     refused: str = ""
+    scale: float = 1.0  # by which lengths of `seen` are multiplied first, where the settings leave it open
 
 
 def match_constellations(
@@ -47,16 +48,22 @@ def match_constellations(
     """
     config = config or ConstellationConfig()
     if min(len(known), len(seen)) < config.min_objects:
-        return _none(f"it has {min(len(known), len(seen))} objects, {config.min_objects} must be shared")
+        return refused(f"it has {min(len(known), len(seen))} objects, {config.min_objects} must be shared")
     fits = _fits(known, seen, config)
+    return decided(fits, seen, config)
+
+
+def decided(fits: list[ConstellationFit], seen: Constellation, config: ConstellationConfig) -> ConstellationMatch:
+    """The best of some candidates, refused with the reason where it is not to be believed."""
     if not fits:
-        return _none("no two objects of one stand as two of the other do")
+        return refused("no two objects of one stand as two of the other do")
+    fits = sorted(fits, key=lambda f: (-f.evidence, -len(f.known)))
     best, middle = fits[0], seen.places.mean(0)
-    second = next((fit.evidence for fit in fits[1:] if _is_elsewhere(fit, best, middle)), 0.0)
+    second = next((fit.evidence for fit in fits[1:] if differ(fit.known_from_seen, best.known_from_seen, middle)), 0.0)
     ambiguity = max(0.0, second / best.evidence) if best.evidence > 0 else 1.0
     pairs = tuple(sorted(zip(best.known.tolist(), best.seen.tolist(), strict=True)))
     why = _why_refused(best, ambiguity, config)
-    return ConstellationMatch(best.known_from_seen, pairs, best.evidence, best.agreement, ambiguity, why)
+    return ConstellationMatch(best.known_from_seen, pairs, best.evidence, best.agreement, ambiguity, why, best.scale)
 
 
 def match_near(
@@ -65,32 +72,33 @@ def match_near(
     """The same where `known_from_seen` is known roughly: nothing is searched for, and nothing else is compared."""
     config = config or ConstellationConfig()
     if not len(known) or not len(seen):
-        return _none("it has no objects")
+        return refused("it has no objects")
     grid = GroundGrid.of(known.places[:, :2], search_radius_m(known, seen, config))
     fit = fit_constellation(known, seen, grid, start, config)
     pairs = tuple(sorted(zip(fit.known.tolist(), fit.seen.tolist(), strict=True)))
     few = "" if pairs else "no object stands where another does"
-    return ConstellationMatch(fit.known_from_seen, pairs, fit.evidence, fit.agreement, 0.0, few)
+    return ConstellationMatch(fit.known_from_seen, pairs, fit.evidence, fit.agreement, 0.0, few, fit.scale)
 
 
 def _fits(known: Constellation, seen: Constellation, config: ConstellationConfig) -> list[ConstellationFit]:
-    """Candidates of two pairs and more, the most evident first."""
+    """Candidates of two pairs and more."""
     yaws, middles = vote(known, seen, config)
     grid = GroundGrid.of(known.places[:, :2], search_radius_m(known, seen, config))
     shifts = middles - turned(np.broadcast_to(seen.places[:, :2].mean(0), middles.shape), yaws)
     starts = [Pose.from_yaw(y, np.append(shift, 0.0)) for y, shift in zip(yaws.tolist(), shifts, strict=True)]
     fits = [fit_constellation(known, seen, grid, start, config) for start in starts]
-    return sorted((f for f in fits if len(f.known) > 1), key=lambda f: (-f.evidence, -len(f.known)))
+    return [fit for fit in fits if len(fit.known) > 1]
 
 
-def _is_elsewhere(fit: ConstellationFit, best: ConstellationFit, middle: Floats) -> bool:
-    """Whether two candidates lay the objects in different places."""
-    turn = (fit.known_from_seen.yaw_rad - best.known_from_seen.yaw_rad + np.pi) % (2 * np.pi) - np.pi
-    gap = (fit.known_from_seen.transform(middle) - best.known_from_seen.transform(middle))[:2]
+def differ(one: Pose, other: Pose, middle: Floats) -> bool:
+    """Whether two poses lay objects about a middle in different places."""
+    turn = (one.yaw_rad - other.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    gap = (one.transform(middle) - other.transform(middle))[:2]
     return abs(turn) > _APART_RAD or float(np.linalg.norm(gap)) > _APART_M
 
 
-def _none(why: str) -> ConstellationMatch:
+def refused(why: str) -> ConstellationMatch:
+    """No match, and why."""
     return ConstellationMatch(Pose.identity(), (), 0.0, 0.0, 1.0, why)
 
 

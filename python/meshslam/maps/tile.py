@@ -13,11 +13,13 @@ from meshslam.categories import Category
 from meshslam.errors import GeometryError, MapError
 from meshslam.files import arrays_from_bytes, arrays_to_bytes
 from meshslam.geometry import Bools, Floats, Ints
+from meshslam.maps.constellation import Constellation
 from meshslam.maps.mesh_code import STEP_M, Arrays, MeshCode, packed, sigma_code, sigma_of_code, unpacked
 from meshslam.maps.objects import MapObject
 from meshslam.maps.tile_columns import Shape, array_of_texts, check_columns, columns_of, object_of
 
 _MOST_BYTES = 1 << 30  # that a file may unpack to
+_UPPER_OF_PLACE = [0, 1, 2, 6, 7, 11]  # of the upper triangle of (6, 6), row by row: that of (3, 3)
 _OWN = "own"  # the group of meshes that follow no category
 
 
@@ -74,6 +76,18 @@ class Tile:
     def positions(self) -> Floats:
         """Centres (N, 3) of the objects, in world, metres."""
         return np.asarray(self.table["position"], float)
+
+    @cached_property
+    def constellation(self) -> Constellation:
+        """The objects seen from above, by the table alone."""
+        upper, turn = np.asarray(self.table["covariance"], float), np.asarray(self.table["rotation"], float)
+        covariance = np.zeros((len(self), 3, 3))
+        covariance[:, *np.triu_indices(3)] = upper[:, _UPPER_OF_PLACE]
+        covariance += np.triu(covariance, 1).transpose(0, 2, 1)
+        in_world = turn @ covariance @ turn.transpose(0, 2, 1)
+        variance = np.nan_to_num((in_world[:, 0, 0] + in_world[:, 1, 1]) / 2)
+        yaws = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+        return Constellation(self.positions, yaws, STEP_M * self.table["size"], np.sqrt(np.maximum(variance, 0.0)))
 
     def objects(self, chosen: Bools | None = None) -> tuple[MapObject, ...]:
         """The objects, or those that a mask (N,) chooses, by ascending id; MapError if the arrays are damaged."""

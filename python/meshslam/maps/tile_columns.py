@@ -10,7 +10,7 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Bools, Floats, Ints, Pose
-from meshslam.maps.mesh_code import Arrays
+from meshslam.maps.mesh_code import STEP_M, Arrays
 from meshslam.maps.objects import MapObject
 
 _KEYPOINT_TOLERANCE_M = 1e-5
@@ -25,6 +25,7 @@ COLUMNS = {  # of an object: kind of numbers, shape
     "category": ("i", ()),
     "position": ("f", (3,)),
     "rotation": ("f", (3, 3)),
+    "size": ("i", (3,)),
     "covariance": ("f", (21,)),
     "views": ("i", ()),
     "first_frame": ("i", ()),
@@ -67,6 +68,7 @@ def columns_of(things: Sequence[MapObject], categories: Mapping[str, Category]) 
         "category": np.array([names.index(thing.category) for thing in things], np.int16),
         "position": np.array([pose.translation for pose in poses], float).reshape(-1, 3),
         "rotation": np.array([pose.rotation for pose in poses], float),
+        "size": np.array([_size_in_steps(thing) for thing in things], np.int32).reshape(-1, 3),
         "covariance": np.array([_upper(thing.pose_covariance) for thing in things], np.float32).reshape(-1, 21),
         "views": np.array([thing.views for thing in things], np.int32),
         "first_frame": np.array([_or_none(thing.first_frame) for thing in things], np.int64),
@@ -78,6 +80,13 @@ def columns_of(things: Sequence[MapObject], categories: Mapping[str, Category]) 
         "keypoint_row": rows,
         "keypoint_texts": array_of_texts(texts),
     }
+
+
+def _size_in_steps(thing: MapObject) -> Ints:
+    """Length, width, height in whole steps: those of the rounded mesh, so that writing it again changes nothing."""
+    steps = np.round(thing.vertices.astype(np.float32) / STEP_M)
+    size: Ints = np.ptp(steps, axis=0).astype(np.int64)
+    return size
 
 
 def _keypoint_kind(thing: MapObject, categories: Mapping[str, Category]) -> int:

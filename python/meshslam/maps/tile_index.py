@@ -13,7 +13,7 @@ import numpy as np
 from meshslam.errors import MapError
 from meshslam.files import must_exist
 
-FORMAT, VERSION = "meshslam-city", 1
+FORMAT, VERSION = "meshslam-city", 2
 Key = tuple[int, int]  # column and row
 _DIGEST = re.compile("[0-9a-f]{32}")
 

@@ -16,6 +16,7 @@ from meshslam.categories import Category, category_bytes, category_names, load_c
 from meshslam.errors import CategoryError, MapError
 from meshslam.files import CITY, LOCK, digest_of, locked, remove_leftovers, write_atomically, write_together
 from meshslam.geometry import Floats, Ints
+from meshslam.maps.constellation_index import ConstellationIndex
 from meshslam.maps.map import Map, checked_place
 from meshslam.maps.objects import MapObject
 from meshslam.maps.tile import Tile
@@ -139,13 +140,24 @@ class TiledMap(Mapping[int, MapObject]):
         for key in sorted(self.index.entries):
             yield self.tile(key)
 
+    def table(self, key: Key) -> Tile:
+        """A tile's objects without their meshes."""
+        return self._read(self.index.entries[key], with_meshes=False)
+
     def positions(self) -> tuple[Ints, Floats]:
         """Ids (N,) and centres (N, 3) of all objects, by tiles: reads every table, no mesh."""
-        tables = [self._read(self.index.entries[key], with_meshes=False) for key in sorted(self.index.entries)]
+        tables = [self.table(key) for key in sorted(self.index.entries)]
         return (
             np.concatenate([np.zeros(0, np.int64), *(tile.ids for tile in tables)]),
             np.concatenate([np.zeros((0, 3)), *(tile.positions for tile in tables)]),
         )
+
+    def constellations(self, radius_m: float) -> ConstellationIndex:
+        """The index of pairs of objects nearer than `radius_m`, to look for a place in the whole map.
+
+        It is made where it is first asked, in the map's folder if that can be written.
+        """
+        return ConstellationIndex(self, radius_m)
 
     def loaded(self) -> Map:
         """All objects at once, as a Map."""

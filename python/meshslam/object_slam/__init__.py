@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from meshslam.object_slam.estimator import SlamEstimator
     from meshslam.object_slam.joint_gradient import joint_descent
     from meshslam.object_slam.landmarks import joined_tracks
+    from meshslam.object_slam.local_mapping import SlamLocalMapping
     from meshslam.object_slam.loop_closure import LoopClosureConfig
     from meshslam.object_slam.result import SlamResult, SlamState
     from meshslam.object_slam.sequence import path_alone, slam_sequence, world_of
@@ -22,6 +23,7 @@ else:
             "estimator": "SlamEstimator",
             "joint_gradient": "joint_descent",
             "landmarks": "joined_tracks",
+            "local_mapping": "SlamLocalMapping",
             "loop_closure": "LoopClosureConfig",
             "result": "SlamResult SlamState",
             "sequence": "path_alone slam_sequence world_of",
@@ -35,6 +37,7 @@ __all__ = [
     "Slam",
     "SlamConfig",
     "SlamEstimator",
+    "SlamLocalMapping",
     "SlamParts",
     "SlamResult",
     "SlamSettings",

@@ -13,6 +13,7 @@ from meshslam.errors import ModelError
 from meshslam.files import remove_leftovers_of, write_atomically
 from meshslam.perception.adapter import adapter_beside, read_adapter
 from meshslam.perception.network_session import NOT_ONNX, not_onnx
+from meshslam.perception.onnx_runtime import inference_session
 
 FOLDER_VARIABLE = "MESHSLAM_MODELS"
 ADVICE = (
@@ -128,12 +129,8 @@ def _stored(path: Path) -> StoredModel:
 
 
 def _metadata(path: Path) -> dict[str, str]:
-    import onnxruntime  # slow to import
-
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 4
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = inference_session(path)
     except Exception as error:  # the runtime's own exceptions have no common base but this
         line = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
         raise ModelError(f"{path}: cannot be loaded as an ONNX model: {line}") from None

@@ -12,6 +12,7 @@ import numpy as np
 from meshslam.errors import ModelError
 from meshslam.geometry import AnyArray, Singles
 from meshslam.perception.instances import first_line
+from meshslam.perception.onnx_runtime import inference_session
 
 Dims = tuple[int | None, ...]  # None: open
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
@@ -63,18 +64,12 @@ class NetworkSession:
 
 def open_network(path: Path, threads: int = 2) -> Any:  # noqa: ANN401 # untyped package
     """ONNX Runtime's session of a file; ModelError if it is none, with the way to ONNX where it is a known other."""
-    import onnxruntime  # slow to import: only those who segment wait for it
-
     if path.suffix.lower() in NOT_ONNX:
         raise ModelError(not_onnx(path))
     if not path.is_file():
         raise ModelError(f"{path}: no such file, expected an ONNX export of an instance segmentation network")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    options.log_severity_level = 3
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # spinning threads starve other processes
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        return inference_session(path, threads)
     except Exception as error:  # the runtime's own exceptions have no common base but this
         raise ModelError(f"{path}: cannot be loaded as an ONNX model: {first_line(error)}") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from meshslam.errors import MapError
@@ -10,6 +11,7 @@ from meshslam.evaluation import evaluate_run
 from meshslam.localization import Localization, LocalizedFrame, localize_sequence
 from meshslam.maps import Map, RunDirectory, TiledMap, Trajectory
 from meshslam.motion import check_imu
+from meshslam.object_slam import SlamLocalMapping, SlamParts
 from meshslam.runs import stages
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
@@ -54,7 +56,8 @@ def localize_recording(
 
     with clock.timing("localization"):
         given = (recording, found, scene, settings.estimation, settings.localization)
-        result = localize_sequence(*given, outlet.progress, on_frame)
+        local = partial(SlamLocalMapping, config=SlamParts(estimation=settings.estimation))
+        result = localize_sequence(*given, outlet.progress, on_frame, local)
     path = Trajectory(recording.times_s, result.world_from_camera)
     logged.result(map_along(scene, path, settings), path, result.detections, result.estimate)
     return result

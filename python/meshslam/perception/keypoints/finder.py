@@ -20,6 +20,7 @@ from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
 from meshslam.perception.keypoints.decode import ANGLES, KEYPOINTS, angle_distribution, laplace_sigma, points_in_input
 from meshslam.perception.keypoints.mirror import Answers, answers_of
+from meshslam.perception.onnx_runtime import inference_session
 from meshslam.settings import Settings, expert, public
 
 SHIPPED = "car_keypoints.onnx"
@@ -154,15 +155,10 @@ def _box(mask: Bytes) -> tuple[float, float, float, float]:
 
 
 def _session(path: Path, threads: int) -> Any:  # noqa: ANN401 # untyped package
-    import onnxruntime  # slow to import: only those who need key points wait for it
-
     if not path.is_file():
         raise ModelError(f"{path}: no such file, expected the key point network (meshslam train-keypoints makes one)")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads, options.log_severity_level = threads, 1, 3
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # spinning threads starve other processes
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = inference_session(path, threads)
         found = session.run(list(OUTPUTS), {"crops": np.zeros((1, 4, HEIGHT_PX, WIDTH_PX), np.float32)})
     except Exception as error:  # the runtime's own exceptions have no common base but this
         line = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
