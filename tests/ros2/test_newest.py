@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from meshslam.categories import load_category
 from meshslam.errors import SequenceError
 from meshslam.geometry import Pose
-from meshslam.maps import Map
+from meshslam.maps import Map, MapObject, TiledMap
 from meshslam.ros2.newest import NewestFrame
 from meshslam.sequences import ImuSamples
 
@@ -119,3 +120,20 @@ def test_adding_never_waits(live):
         made.add_imu(samples(10.0 + k))
         made.add_frame(IMAGE, 2.0 + k, k + 1)
     assert time.monotonic() - began_s < 1.0
+
+
+def test_of_a_map_in_tiles_what_is_around_the_camera_is_shown(tmp_path):
+    car = load_category("car")
+    city = TiledMap.create(tmp_path / "city")
+    city.put(
+        MapObject(i, "car", Pose.from_yaw(0.0, np.array([40.0 * i, 0.0, 0.7])), car.vertices, car.faces)
+        for i in range(12)
+    )
+    estimator, poses = Estimator(), []
+    made = NewestFrame(estimator, city, on_pose=poses.append, has_imu=False)
+    assert len(made.map()) == 0  # before there is a pose
+    estimator.gate.release()
+    made.add_frame(IMAGE, 200.0, 0)  # the camera is at x = 200 m
+    made.finish()
+    assert set(made.map()) == {4, 5, 6}
+    made.close()

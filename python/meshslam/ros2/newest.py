@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from meshslam.errors import MeshslamError
-from meshslam.geometry import Bytes
+from meshslam.geometry import Bytes, Floats
 from meshslam.live import LivePose
 from meshslam.localization import Localizer
-from meshslam.maps import Map
+from meshslam.maps import Map, TiledMap
 from meshslam.object_slam import Slam, SlamResult
 from meshslam.sequences import ImuSamples
 
+_SHOWN_M = 70.0  # around the camera, of a map in tiles
 _LONGEST_WAIT_S = 0.25  # for samples that reach a frame's time
 
 
@@ -46,7 +47,12 @@ class NewestFrame:
     """
 
     def __init__(
-        self, estimator: Localizer | Slam, known: Map | None, *, on_pose: Callable[[LivePose], None], has_imu: bool
+        self,
+        estimator: Localizer | Slam,
+        known: Map | TiledMap | None,
+        *,
+        on_pose: Callable[[LivePose], None],
+        has_imu: bool,
     ) -> None:
         """`known` is the map that a Localizer has; None for SLAM."""
         self._estimator, self._known, self._on_pose, self._has_imu = estimator, known, on_pose, has_imu
@@ -57,6 +63,7 @@ class NewestFrame:
         self._newest_imu_s = -np.inf
         self._next: tuple[Bytes, float, int] | None = None
         self._is_busy = self._is_closed = False
+        self._place: Floats | None = None  # of the newest pose
         self._thread = threading.Thread(target=self._run, name="localization", daemon=True)
         self._thread.start()
 
@@ -77,10 +84,16 @@ class NewestFrame:
             self._changed.notify_all()
 
     def map(self) -> Map:
-        """The known map, or SLAM's as it is now: it waits for the frame that is being taken in."""
+        """The known map, or SLAM's as it is now: it waits for the frame that is being taken in.
+
+        Of a map in tiles what is around the newest pose; nothing before there is one.
+        """
         if isinstance(self._estimator, Slam):
             with self._estimate_lock:
                 return self._estimator.map()
+        if isinstance(self._known, TiledMap):
+            place = self._place
+            return Map(() if place is None else self._known.near(place, _SHOWN_M))
         return self._known or Map(())
 
     def finish(self) -> SlamResult | None:
@@ -102,7 +115,9 @@ class NewestFrame:
 
     def _run(self) -> None:
         while (taken := self._taken()) is not None:
-            self._on_pose(self._estimated(*taken))
+            told = self._estimated(*taken)
+            self._place = self._place if told.world_from_camera is None else told.world_from_camera.translation
+            self._on_pose(told)
             with self._changed:
                 self._is_busy = False
                 self._changed.notify_all()

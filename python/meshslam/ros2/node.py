@@ -18,7 +18,7 @@ import numpy as np
 from meshslam.errors import MapError, MeshslamError
 from meshslam.geometry import Bytes, Pose
 from meshslam.live import LivePose
-from meshslam.maps import Map
+from meshslam.maps import Map, TiledMap
 from meshslam.ros2.conventions import covariance_of_body, twist_in_child
 from meshslam.ros2.inlets import Inlets
 from meshslam.ros2.live_types import LiveEstimator, OnPose
@@ -28,7 +28,7 @@ from meshslam.ros2.saving import LivePath, Saving, result_of
 from meshslam.ros2.waiting import Waiting
 from meshslam.sequences import CameraFile, ImuSamples
 
-MakeLive = Callable[[CameraFile, Map | None, OnPose], LiveEstimator]
+MakeLive = Callable[[CameraFile, Map | TiledMap | None, OnPose], LiveEstimator]
 _KEPT_IMU_S, _EARLY_SAMPLES = 2.0, 2000  # of samples from before the estimation was made
 _TICK_S, _DIAGNOSTICS_S = 0.25, 1.0
 _NOTE_AGAIN_S = 5.0
@@ -63,7 +63,7 @@ class SlamNode:
         self._log = node.get_logger()
         self._live: LiveEstimator | None = None
         self._lock = threading.Lock()  # of what follows
-        self._known: Map | None = None  # to localize in
+        self._known: Map | TiledMap | None = None  # to localize in
         self._map_is_wanted = options.map  # a map's file that is still to be read
         self._early_imu: deque[ImuSamples] = deque(maxlen=_EARLY_SAMPLES)
         self._frame_number = 0
@@ -200,7 +200,7 @@ class SlamNode:
         assert camera is not None
         try:
             if self._map_is_wanted:
-                self._known, self._map_is_wanted = Map.load(Path(self._map_is_wanted)), ""
+                self._known, self._map_is_wanted = Map.open(Path(self._map_is_wanted)), ""
             live = self._make_live(camera, self._known, self._on_pose)
             self._saving.camera(camera, self._imu_from_camera, self._options.height_above_ground_m or None)
         except MeshslamError as error:
@@ -278,7 +278,7 @@ class SlamNode:
         if not self._options.imu:
             raise MapError("localizing needs an IMU: start the node with --imu and --imu-from-camera")
         chosen = str(self._node.get_parameter("map").value or "")
-        known = Map.load(Path(chosen)) if chosen else None if self._live is None else self._live.map()
+        known = Map.open(Path(chosen)) if chosen else None if self._live is None else self._live.map()
         if not known:
             raise MapError("there is no object to localize with: set the parameter map to a run, or go on with SLAM")
         self._end_live()

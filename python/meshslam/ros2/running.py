@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -18,8 +19,8 @@ from meshslam.files import must_exist
 from meshslam.geometry import Pose
 from meshslam.live import LiveSlam
 from meshslam.localization import Localizer
-from meshslam.maps import Map
-from meshslam.object_slam import Slam
+from meshslam.maps import Map, TiledMap
+from meshslam.object_slam import Slam, SlamLocalMapping, SlamParts
 from meshslam.perception import COLOUR, find_model, renamings
 from meshslam.ros2.live_types import LiveEstimator, OnPose
 from meshslam.ros2.newest import NewestFrame
@@ -216,9 +217,11 @@ def _estimation(options: NodeOptions, settings: Config, mounted: tuple[Pose, flo
         "source": "ros2",
     }
 
-    def made(camera: CameraFile, known: Map | None, on_pose: OnPose) -> LiveEstimator:
+    def made(camera: CameraFile, known: Map | TiledMap | None, on_pose: OnPose) -> LiveEstimator:
         if known is not None:
-            return NewestFrame(Localizer(camera.camera, known, **common), known, on_pose=on_pose, has_imu=True)
+            local = partial(SlamLocalMapping, config=SlamParts(estimation=settings.estimation))
+            localizer = Localizer(camera.camera, known, **common, local_mapping=local)
+            return NewestFrame(localizer, known, on_pose=on_pose, has_imu=True)
         height_m = options.height_above_ground_m or camera.height_above_ground_m
         common_of_slam = {**common, "category": settings.input.category, "height_above_ground_m": height_m}
         if mounted is None:
