@@ -30,26 +30,37 @@ def parent_of(pid):
     return None if state in "ZX" else int(parent)
 
 
-def killed_in_the_middle(out, chosen, raylet=None):
-    """The drive whose worker was killed while it was at work; with a raylet, one of its workers, and all of the node.
-
-    A worker is halted first, so that it is sure to be in the middle.
-    """
+def halted_in_the_middle(out, chosen, raylet=None):
+    """A drive whose worker was halted while it was at work, with its process; with a raylet, one of its workers."""
     for name, pid in writers(out).items():
         if name not in chosen or parent_of(pid) is None or raylet not in (None, parent_of(pid)):
             continue
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGSTOP)
-            if writers(out).get(name) != pid:
-                os.kill(pid, signal.SIGCONT)
-                continue
-            doomed = [pid] if raylet is None else [raylet, *children_of(raylet)]
-            for process in doomed:
-                os.kill(process, signal.SIGKILL)
-            while parent_of(pid) is not None:
-                time.sleep(0.002)
-            return name
+            if writers(out).get(name) == pid:
+                return name, pid
+            os.kill(pid, signal.SIGCONT)
     return None
+
+
+def kill(pid, raylet=None):
+    """End a worker; with a raylet, all of its node."""
+    for process in [pid] if raylet is None else [raylet, *children_of(raylet)]:
+        os.kill(process, signal.SIGKILL)
+    while parent_of(pid) is not None:
+        time.sleep(0.002)
+
+
+def killed_in_the_middle(out, chosen, raylet=None):
+    """The drive whose worker was killed while it was at work; with a raylet, one of its workers, and all of the node.
+
+    A worker is halted first, so that it is sure to be in the middle.
+    """
+    found = halted_in_the_middle(out, chosen, raylet)
+    if found is None:
+        return None
+    kill(found[1], raylet)
+    return found[0]
 
 
 def children_of(parent):

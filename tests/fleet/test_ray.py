@@ -25,7 +25,15 @@ from tests.fleet.conftest import (
     seen,
     states_of,
 )
-from tests.fleet.killing import environment_of, killed_in_the_middle, raylet_of, raylets, writers
+from tests.fleet.killing import (
+    environment_of,
+    halted_in_the_middle,
+    kill,
+    killed_in_the_middle,
+    raylet_of,
+    raylets,
+    writers,
+)
 
 ray = pytest.importorskip("ray")
 
@@ -52,8 +60,12 @@ def test_a_worker_and_a_node_are_killed_and_nothing_is_missing_or_done_twice(clu
     process = begin_fleet(log, fleet_file, "--out", out, "--engine", "ray", "--address", cluster.address)
     given = environment_of(seen(lambda: list(writers(out).values()))[0])
     assert {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1", "RAYON_NUM_THREADS=1"} <= set(given)
-    first = seen(lambda: killed_in_the_middle(out, NAMES))
-    second = seen(lambda: killed_in_the_middle(out, NAMES, raylet_of(node)))
+    of_node = raylet_of(node)
+    of_head = raylet_of(cluster.head_node)
+    # the head's worker is held until the node has a drive, too, however slowly its worker starts
+    first, pid = seen(lambda: halted_in_the_middle(out, NAMES, of_head))
+    second = seen(lambda: killed_in_the_middle(out, NAMES, of_node))
+    kill(pid)
     assert process.wait(timeout=240) == 1
     cluster.remove_node(node, allow_graceful=False)
     assert "its node was lost" in log.read_text()
