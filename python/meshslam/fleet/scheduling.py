@@ -67,17 +67,13 @@ class Schedule:
         return [state.result or DriveResult.of(state.drive, "not run", state.tasks) for state in self.states.values()]
 
     def _begin(self) -> None:
-        """Submit what there is room for; of a step that there is no room for, none is asked again."""
-        full: set[str] = set()
-
-        def has_room(step: str) -> bool:
-            if step not in full and not self.engine.has_room(self.fleet.needs_of(step)):
-                full.add(step)
-            return step not in full
-
-        while (state := self.waiting.take(has_room)) is not None:
+        """Submit what there is room for."""
+        while (state := self.waiting.take(self._has_room)) is not None:
             self.under_way += 1
             self.engine.submit(self._job(state))
+
+    def _has_room(self, step: str) -> bool:
+        return self.engine.has_room(self.fleet.needs_of(step))
 
     def _look(self) -> None:
         """Tell what is running, now and then: workers are asked for it."""
