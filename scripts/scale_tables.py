@@ -69,7 +69,7 @@ def steps_table(found: Found) -> str:
                 number(parts["fixed"]),
                 f"{min(spread):.2f} to {max(spread):.2f}",
                 number(max(row["peak_mb"] for row in rows), 3),
-                number(fit(rows, "read_bytes", ("image_bytes",))["image_bytes"]) if images else "",
+                number(fit(rows, "read_bytes", ("image_bytes",))["image_bytes"]) if images and command == "map" else "",
                 len(rows),
             ]
         )
