@@ -64,6 +64,7 @@ lint: setup ## formatting, clippy, ruff, mypy, import arrows of both languages, 
 	$(BIN)/python scripts/check_faces.py
 	$(BIN)/python scripts/check_core_modules.py
 	$(BIN)/python scripts/results_table.py --check
+	$(BIN)/python scripts/scale_tables.py --check
 	$(BIN)/python -m mypy.stubtest meshslam._core
 
 $(DOCS)/.packages: docs/requirements.txt

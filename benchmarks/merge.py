@@ -1,6 +1,9 @@
 """Several passes of one street, each in a world of its own, merged and held against the truth.
 
     .venv/bin/python benchmarks/merge.py [--streets 0:100 1:300] [--work FOLDER]
+    .venv/bin/python benchmarks/merge.py --street 0001:0:120 0011:120:100 [--how "given poses" "no ids" slam]
+
+The second form is for streets of KITTI's labelled cars, passed there and back: what one pass and two say of the shapes.
 
 Needs the data and tools that `$MESHSLAM_DATA` names (default ../shared/data, its tools beside it): cases are drawn and
 scored by scripts that are none of our code. A street has passes with the camera moved aside, other noise and other
@@ -19,6 +22,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from street_passes import HOW, street_row
 
 from meshslam.geometry import Pose
 from meshslam.maps import Trajectory
@@ -166,8 +170,16 @@ def main() -> None:
     parser.add_argument(
         "--streets", nargs="+", default=["0:100", "1:300", "2:500"], help="seed:first frame of drive 06"
     )
+    parser.add_argument("--street", nargs="+", default=[], help="sequence:first frame:frames of KITTI tracking")
+    parser.add_argument("--how", nargs="+", choices=HOW, default=HOW, help="what the passes of --street are given")
     parser.add_argument("--work", type=Path, default=ROOT / "benchmarks" / "out" / "merge")
     a = parser.parse_args()
+    if a.street:
+        for street in a.street:
+            number, start, frames = street.split(":")
+            for how in a.how:
+                print(street_row((number, int(start), int(frames)), how, a.work), flush=True)
+        return
     rows = []
     for street in a.streets:
         seed, start = map(int, street.split(":"))

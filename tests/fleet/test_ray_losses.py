@@ -13,12 +13,12 @@ def raised(monkeypatch, error):
         raise error
 
     monkeypatch.setattr("ray.get", get)
-    return result_of(object())
+    return result_of(ray, object())
 
 
 def test_an_outcome_is_handed_on(monkeypatch):
     monkeypatch.setattr("ray.get", lambda reference: reference)
-    assert result_of(Outcome(reason="it is damaged")) == Outcome(reason="it is damaged")
+    assert result_of(ray, Outcome(reason="it is damaged")) == Outcome(reason="it is damaged")
 
 
 def test_losses_say_what_was_lost(monkeypatch):

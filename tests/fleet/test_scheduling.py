@@ -21,9 +21,10 @@ class Told:
 
     def __init__(self, ends, room=2):
         self.ends, self.room = {name: list(rows) for name, rows in ends.items()}, room
-        self.jobs, self.most, self.started = [], 0, []
+        self.jobs, self.most, self.started, self.asked, self.looks = [], 0, [], 0, 0
 
     def has_room(self, needs):
+        self.asked += 1
         return len(self.jobs) < self.room
 
     def submit(self, job):
@@ -36,6 +37,7 @@ class Told:
         return [Ended(job, self.ends[job.drive.name].pop(0))]
 
     def running(self):
+        self.looks += 1
         return []
 
     def close(self):
@@ -74,6 +76,27 @@ def test_drives_that_have_begun_go_first(tmp_path):
 def test_no_more_is_under_way_than_there_is_room(tmp_path, room):
     _, engine, _ = run({str(n): [TRACKED, MAPPED] for n in range(12)}, tmp_path, room=room)
     assert engine.most == room
+
+
+def test_waiting_drives_cost_nothing(tmp_path):
+    _, engine, _ = run({str(n): [TRACKED, MAPPED] for n in range(300)}, tmp_path)
+    assert engine.asked <= 4 * len(engine.started)
+    assert engine.looks <= 2  # not after every task: workers are asked for it
+
+
+def test_a_step_without_room_does_not_hold_up_others(tmp_path):
+    class Narrow(Told):
+        def has_room(self, needs):
+            return len(self.jobs) < self.room and needs.cpus <= 1
+
+    drives = tuple(Drive(name, f"drives/{name}", "map", Config()) for name in "ab")
+    engine = Narrow({"a": [TRACKED, MAPPED], "b": [TRACKED, MAPPED]}, 1)
+    schedule = Schedule(
+        Fleet(Path("fleet.yaml"), drives, {"map": Needs(cpus=2)}), Folder(tmp_path), engine, now_s=lambda: 0.0
+    )
+    with pytest.raises(IndexError):  # nothing is left that has room
+        schedule.run()
+    assert engine.started == [("a", "detect"), ("b", "detect")]
 
 
 def test_a_lost_step_begins_again_and_no_other(tmp_path):

@@ -8,6 +8,7 @@ import threading
 import time
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from tests.fleet.killing import environment_of
 HOLDER = """
 import sys, time
 from pathlib import Path
+from types import SimpleNamespace
 from meshslam.files import locked
 with locked(Path(sys.argv[1]), "run"):
     print("held", flush=True)
@@ -181,20 +183,66 @@ def test_this_machine_takes_what_its_cpus_hold(tmp_path):
         engine.close()
 
 
+class SomeRay:
+    """A module that takes tasks, of which the last ones end first, and has nodes."""
+
+    def __init__(self, *cpus):
+        self.cpus, self.tasks, self.every_s = cpus, [], []
+
+    def nodes(self):
+        return [{"Alive": True, "Resources": {"CPU": count}} for count in self.cpus]
+
+    def remote(self, _function):
+        return self
+
+    def options(self, **_options):
+        return SimpleNamespace(remote=self.submit)
+
+    def submit(self, _job, _board, every_s):
+        self.tasks.append(len(self.tasks))
+        self.every_s.append(every_s)
+        return self.tasks[-1]
+
+    def wait(self, references, num_returns, timeout):
+        return sorted(references)[-num_returns:], []
+
+    def get(self, reference):
+        return Outcome(reason=str(reference))
+
+    exceptions = SimpleNamespace(
+        **dict.fromkeys(
+            ("OutOfMemoryError", "RayTaskError", "RuntimeEnvSetupError", "NodeDiedError", "ObjectLostError"), OSError
+        )
+    )
+
+
 def test_a_cluster_takes_what_its_cpus_hold(tmp_path):
     from dataclasses import replace
 
-    engine = Cluster(None, None, False, _nodes=({"CPU": 2.0}, {"CPU": 1.0}), _looked_s=float("inf"))
+    engine = Cluster(None, SomeRay(2.0, 1.0), None)
     assert engine.has_room(Needs(cpus=99.0))  # nodes may come for it
-    engine._under_way = {n: job(tmp_path) for n in range(2)}
+    for _ in range(2):
+        engine.submit(job(tmp_path))
     assert engine.has_room(Needs())
     assert not engine.has_room(Needs(cpus=2.0))
-    engine._under_way[2] = replace(job(tmp_path), needs=Needs(cpus=0.5))
+    engine.submit(replace(job(tmp_path), needs=Needs(cpus=0.5)))
     assert not engine.has_room(Needs())
     engine.workers = 4
     assert engine.has_room(Needs())
-    engine._under_way[3] = job(tmp_path)
+    engine.submit(job(tmp_path))
     assert not engine.has_room(Needs())
+    engine.workers = None
+    assert sorted(ended.result.reason for ended in engine.ended(1.0)) == ["0", "1", "2", "3"]  # all that have ended
+    engine.submit(replace(job(tmp_path), needs=Needs(cpus=3.0)))
+    assert not engine.has_room(Needs(cpus=0.5))
+
+
+def test_many_workers_tell_less_often(tmp_path):
+    ray = SomeRay(1.0)
+    engine = Cluster(4000, ray, None)
+    for _ in range(4001):
+        engine.submit(job(tmp_path))
+    assert (ray.every_s[0], ray.every_s[400], ray.every_s[4000]) == (1.0, 1.0, 10.0)
 
 
 def test_what_is_running_is_told_by_the_worker():
@@ -203,4 +251,9 @@ def test_what_is_running_is_told_by_the_worker():
     board = Board()
     board.tell(Running("a", "detect", "segment", 3, 9))
     board.tell(Running("a", "detect", "segment", 5, 9))
-    assert board.rows() == {"a": Running("a", "detect", "segment", 5, 9)}
+    board.tell(Running("b", "track"))
+    board.tell(Running("b", "map"))
+    board.forget("b", "track")  # a word of the step after may come before it
+    assert board.rows() == {"a": Running("a", "detect", "segment", 5, 9), "b": Running("b", "map")}
+    board.forget("b", "map")
+    assert list(board.rows()) == ["a"]

@@ -100,3 +100,15 @@ def test_damaged_tracks_are_made_again(settings, tmp_path):
     for folder in (out, whole):
         RUNS["map"](settings, folder, Outlet(), overwrite=False)
     assert contents(out) == contents(whole)
+
+
+def test_each_step_digests_an_image_once(settings, tmp_path, monkeypatch):
+    from meshslam.sequences import image_source
+
+    read, digest = [], image_source.digest_of_file
+    monkeypatch.setattr(image_source, "digest_of_file", lambda path: read.append(path) or digest(path))
+    left = [DETECT]
+    while left:
+        read.clear()
+        left = list(run_step(left[0], "map", settings, tmp_path / "run", Outlet(), overwrite=False).left)
+        assert len(read) == len(set(read)) == SMALL.frames

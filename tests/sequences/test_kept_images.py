@@ -16,7 +16,7 @@ class Counted:
     names = tuple(f"{i}.png" for i in range(5))
 
     def __init__(self):
-        self.read_counts = [0] * 5
+        self.read_counts, self.digest_counts = [0] * 5, 0
 
     def __len__(self):
         return 5
@@ -28,10 +28,13 @@ class Counted:
         return np.full((30, 40, 3), index, np.uint8)
 
     def digests(self):
+        self.digest_counts += 1
         return self.names
 
     def part(self, indices):
-        return [self.names[i] for i in indices]
+        found = Counted()
+        found.names = tuple(self.names[i] for i in indices)
+        return found
 
 
 @pytest.mark.parametrize(("fits", "read_counts"), [(5, [1, 1, 1, 1, 1]), (2, [1, 1, 3, 3, 3]), (0, [3] * 5)])
@@ -52,3 +55,15 @@ def test_what_is_kept_cannot_be_changed_and_another_size_is_still_refused():
         image[0, 0] = 9
     with pytest.raises(SequenceError, match="another size"):
         kept.read(3, (10, 10))
+
+
+def test_digests_are_made_once_for_parts_too():
+    source = Counted()
+    kept = KeptImages(source, 0)
+    assert kept.part([3]).digests() == ("3.png",)  # of the part alone, as nobody has asked for all
+    assert source.digest_counts == 0
+    for _ in range(2):
+        assert kept.digests() == source.names
+    part = kept.part([4, 1])
+    assert part.digests() == ("4.png", "1.png")
+    assert (source.digest_counts, part.source.digest_counts) == (1, 0)

@@ -6,7 +6,7 @@ from meshslam.fleet.jobs import Running
 
 
 class Board:
-    """The last word of each drive."""
+    """The last word of each drive that is at work."""
 
     def __init__(self) -> None:
         self._rows: dict[str, Running] = {}
@@ -14,6 +14,11 @@ class Board:
     def tell(self, row: Running) -> None:
         """Take a drive's word."""
         self._rows[row.drive] = row
+
+    def forget(self, drive: str, step: str) -> None:
+        """A drive's step has ended."""
+        if drive in self._rows and self._rows[drive].step == step:
+            del self._rows[drive]
 
     def rows(self) -> dict[str, Running]:
         """By drive."""

@@ -7,11 +7,9 @@ from typing import Any
 from meshslam.fleet.jobs import Loss, Outcome
 
 
-def result_of(reference: Any) -> Outcome | Loss:  # noqa: ANN401 # Ray's reference
+def result_of(ray: Any, reference: Any) -> Outcome | Loss:  # noqa: ANN401 # the module, and a reference of it
     """The outcome of a task that has ended; what Ray raises instead is a loss, or a reason."""
-    import ray
-    from ray import exceptions
-
+    exceptions = ray.exceptions
     try:
         found: Outcome = ray.get(reference)
     except exceptions.OutOfMemoryError as error:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
-from meshslam.fleet.drives import Drive, Fleet
+from meshslam.fleet.drives import Fleet
 from meshslam.fleet.engine import Engine
 from meshslam.fleet.jobs import Ended, Job, Loss, Outcome, Running
 from meshslam.fleet.places import Place
 from meshslam.fleet.results import DriveResult, Task
 from meshslam.fleet.retrying import is_repeated, why_not
-from meshslam.runs import DETECT
+from meshslam.fleet.waiting import DriveState, Waiting
 
 RETRIES = 2  # of a drive
 _LOOK_S = 0.5
@@ -32,25 +33,6 @@ class Watch:
 
 
 @dataclass
-class DriveState:
-    """A drive on its way."""
-
-    drive: Drive
-    number: int
-    step: str = DETECT
-    left: tuple[str, ...] = ()
-    losses: list[Loss] = field(default_factory=list)
-    tasks: list[Task] = field(default_factory=list)
-    attempts: int = 1
-    result: DriveResult | None = None
-
-    @property
-    def order(self) -> tuple[bool, int]:
-        """Drives that have begun go first: what is under way stays little."""
-        return (not self.tasks, self.number)
-
-
-@dataclass
 class Schedule:
     """What waits and what is under way."""
 
@@ -60,13 +42,17 @@ class Schedule:
     retries: int = RETRIES
     overwrite: bool = False
     watch: Watch = field(default_factory=Watch)
+    now_s: Callable[[], float] = time.monotonic
     states: dict[str, DriveState] = field(default_factory=dict)
-    waiting: list[DriveState] = field(default_factory=list)
+    waiting: Waiting = field(default_factory=Waiting)
     under_way: int = 0
+    _version: str = field(default_factory=lambda: version("meshslam"))
+    _looked_s: float = float("-inf")
 
     def __post_init__(self) -> None:
-        self.waiting = [DriveState(drive, i) for i, drive in enumerate(self.fleet.drives)]
-        self.states = {state.drive.name: state for state in self.waiting}
+        for number, drive in enumerate(self.fleet.drives):
+            self.states[drive.name] = DriveState(drive, number)
+            self.waiting.add(self.states[drive.name])
 
     def run(self) -> None:
         """Until every drive has ended."""
@@ -74,7 +60,7 @@ class Schedule:
             self._begin()
             for ended in self.engine.ended(_LOOK_S):
                 self._take(ended)
-            self.watch.running(self.engine.running())
+            self._look()
 
     def results(self) -> list[DriveResult]:
         """Of every drive, those that have not ended, too."""
@@ -82,12 +68,18 @@ class Schedule:
 
     def _begin(self) -> None:
         """Submit what there is room for."""
-        for state in sorted(self.waiting, key=lambda state: state.order):
-            needs = self.fleet.needs_of(state.step)
-            if self.engine.has_room(needs):
-                self.waiting.remove(state)
-                self.under_way += 1
-                self.engine.submit(self._job(state))
+        while (state := self.waiting.take(self._has_room)) is not None:
+            self.under_way += 1
+            self.engine.submit(self._job(state))
+
+    def _has_room(self, step: str) -> bool:
+        return self.engine.has_room(self.fleet.needs_of(step))
+
+    def _look(self) -> None:
+        """Tell what is running, now and then: workers are asked for it."""
+        if self.now_s() - self._looked_s >= _LOOK_S:
+            self._looked_s = self.now_s()
+            self.watch.running(self.engine.running())
 
     def _job(self, state: DriveState) -> Job:
         name, needs = state.drive.name, self.fleet.needs_of(state.step)
@@ -95,7 +87,7 @@ class Schedule:
             where: dict[str, object] = {"out": self.place.run(name)}
         else:
             where = {"files": self.place.read(name)}
-        return Job(state.drive, state.step, needs, version("meshslam"), overwrite=self.overwrite, **where)  # type: ignore[arg-type]
+        return Job(state.drive, state.step, needs, self._version, overwrite=self.overwrite, **where)  # type: ignore[arg-type]
 
     def _take(self, ended: Ended) -> None:
         """Go on with the next step, or end, or begin the step again."""
@@ -115,7 +107,7 @@ class Schedule:
         if outcome.left:
             state.step, *left = outcome.left
             state.left = tuple(left)
-            self.waiting.append(state)
+            self.waiting.add(state)
         else:
             self._end(state, "unchanged" if outcome.was_there else "done", outcome)
 
@@ -124,7 +116,7 @@ class Schedule:
         state.losses.append(loss)
         if repeated:
             state.attempts += 1
-            self.waiting.append(state)
+            self.waiting.add(state)
             self.watch.lost(f"{state.drive.name}: {state.step}: {loss.text}: again")
         else:
             self._end(state, "failed", Outcome(reason=f"{state.step}: {loss.text}: {why_not(state.losses)}"))

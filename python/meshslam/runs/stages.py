@@ -46,6 +46,7 @@ def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrit
     """Open recording and run directory for the block; MapError if another run, or another process, has the folder."""
     kept = out / INDEX
     recording = open_input(settings.input, use_imu=command != "map", kept_index=kept, progress=outlet.progress)
+    recording = recording.with_kept_images(_KEPT_IMAGES_BYTES)
     inputs = input_digests(command, recording, settings)
     RunDirectory.claim(out)
     with locked(out / LOCK, str(out)):
@@ -55,11 +56,7 @@ def begin(command: str, settings: Config, out: Path, outlet: Outlet, *, overwrit
         try:
             if recording.index is not None:
                 recording.index.save(kept)
-            yield Begun(
-                recording.with_kept_images(_KEPT_IMAGES_BYTES),
-                run,
-                _figures_there(recording, run, outlet) if run.is_complete else None,
-            )
+            yield Begun(recording, run, _figures_there(recording, run, outlet) if run.is_complete else None)
         finally:
             remove_leftovers(out)
 

@@ -64,11 +64,13 @@ class KeptImages:
     """Another source's images; the first ones that are read are kept, up to so many bytes, and are not to be changed.
 
     The stages of a run look at all images in their order, one stage after the other: the last would not help.
+    Digests are made once: they read every byte, and several stages ask for them.
     """
 
-    def __init__(self, source: ImageSource, max_bytes: int) -> None:
+    def __init__(self, source: ImageSource, max_bytes: int, digests: tuple[str, ...] | None = None) -> None:
         self.source, self._max_bytes, self._bytes = source, max_bytes, 0
         self._kept: dict[int, Bytes] = {}
+        self._digests = digests
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,8 +94,11 @@ class KeptImages:
 
     def digests(self) -> tuple[str, ...]:
         """See ImageSource."""
-        return self.source.digests()
+        if self._digests is None:
+            self._digests = self.source.digests()
+        return self._digests
 
     def part(self, indices: Items[int]) -> KeptImages:
         """See ImageSource."""
-        return KeptImages(self.source.part(indices), self._max_bytes)
+        digests = None if self._digests is None else tuple(self._digests[i] for i in indices)
+        return KeptImages(self.source.part(indices), self._max_bytes, digests)
