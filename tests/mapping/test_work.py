@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshslam.mapping import MappingConfig, map_objects
-from meshslam.mapping.pipeline import make_scene
+from meshslam.mapping.pipeline import NOISE_TRACKS, make_scene, noise_tracks
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, first_pass, fit_again, mean_iou, observe, observe_again
 from meshslam.objects import ObjectConfig, uncertainty, view_bytes
@@ -21,6 +21,9 @@ class Hiding:
 
     def before(self, detection):
         return np.full(self.shape, detection.frame in self.frames, np.uint8)
+
+    def differs(self, other, detection):
+        return not np.array_equal(self.before(detection), other.before(detection))
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +94,12 @@ def test_a_street_is_mapped_to_the_same_bits_whether_views_are_held_or_not(frame
         assert np.array_equal(a.vertices, b.vertices)
         assert np.array_equal(a.vertex_sigma_m, b.vertex_sigma_m)
         assert np.array_equal(a.pose_covariance, b.pose_covariance)
+
+
+def test_the_noise_of_a_long_drive_is_told_by_some_tracks_spread_over_it(track):
+    few, many = ([replace(track, id=k) for k in range(count)] for count in (NOISE_TRACKS, 10 * NOISE_TRACKS))
+    assert noise_tracks([]) == frozenset()
+    assert len(noise_tracks(few)) == NOISE_TRACKS
+    asked = sorted(noise_tracks(many))
+    assert len(asked) == NOISE_TRACKS
+    assert np.diff(asked).max() <= 11
