@@ -120,6 +120,8 @@ def make(folder: Path, one: Street, frames: int, *, truth: bool) -> Path:
     (folder / "poses.tum").write_text(tum(times_s, path))
     if truth:
         _write_truth(folder, one, places)
+        truth_of = {row["id"]: row["track_id"] for row in annotations(one, len(places), frames)}
+        (folder / "association.json").write_text(json.dumps(truth_of))
     size = {key: one.document["images"][0][key] for key in ("width", "height")}
     images = [{"id": i, "file_name": f"{i:06d}.png", **size} for i in range(frames)]
     head = json.dumps({"images": images, "categories": one.document["categories"]})
@@ -134,13 +136,15 @@ def make(folder: Path, one: Street, frames: int, *, truth: bool) -> Path:
 
 
 def _write_truth(folder: Path, one: Street, places: list[np.ndarray]) -> None:
+    (folder / "meshes").mkdir(exist_ok=True)
+    for mesh in (one.folder / "meshes").iterdir():
+        os.link(mesh, folder / "meshes" / mesh.name)
     things = []
     for k, place in enumerate(places):
         for thing in one.objects:
             moved = copy.deepcopy(thing)
             moved["id"] += k * (one.last_id + 1)
             moved["world_from_object"] = (place @ np.array(thing["world_from_object"])).tolist()
-            moved["mesh"] = os.path.relpath(one.folder / thing["mesh"], folder)
             things.append(moved)
     (folder / "objects.json").write_text(json.dumps({"objects": things}))
 

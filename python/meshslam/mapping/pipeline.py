@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from meshslam.objects import (
     ObjectConfig,
     Occluders,
     Placed,
+    Reconstruction,
     Scene,
     Track,
     category_model,
@@ -80,9 +81,11 @@ def map_objects(
     tracked, scene = detections, make_scene(frames, detections, category, objects, use_ground=config.use_ground)
     tracks, left_out = usable_tracks(frames, detections, category.name, config, objects.min_view_box_px)
 
+    so_far = _SoFar(scene)
+
     def tell(work: list[Work]) -> None:
         if on_objects is not None:
-            on_objects([_object_so_far(w, scene) for w in work])
+            on_objects([so_far.object_of(w) for w in work])
 
     held = HeldViews.of(tracks, scene)
     occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
@@ -214,7 +217,18 @@ def _placed(work: list[Work], scene: Scene) -> dict[int, Placed]:
     }
 
 
-def _object_so_far(work: Work, scene: Scene) -> MapObject:
-    """Pose and mesh of an object that is not finished; of their uncertainty nothing is known yet."""
-    mesh, track = centred(scene.model, work.found.state), work.observed.track
-    return MapObject(track.id, scene.category.name, mesh.world_from_object, mesh.vertices, scene.model.faces)
+@dataclass
+class _SoFar:
+    """Objects that are not finished, as the log shows them: made once for each estimate."""
+
+    scene: Scene
+    _known: dict[int, tuple[Reconstruction, MapObject]] = field(default_factory=dict)  # by track
+
+    def object_of(self, work: Work) -> MapObject:
+        """Pose and mesh of an object; of their uncertainty nothing is known yet."""
+        number, found = work.observed.track.id, work.found
+        if number not in self._known or self._known[number][0] is not found:
+            mesh, faces = centred(self.scene.model, found.state), self.scene.model.faces
+            thing = MapObject(number, self.scene.category.name, mesh.world_from_object, mesh.vertices, faces)
+            self._known[number] = found, thing
+        return self._known[number][1]
