@@ -24,7 +24,7 @@ from localize import DATA, ROOT, TOOLS, tum
 from meshslam.runs import Config, InputConfig, Outlet, run_slam
 
 sys.path.insert(0, str(TOOLS))
-import make_case  # noqa: E402 # the tool that is none of our code
+import make_case  # the tool that is none of our code
 
 PERIOD, INTERVAL_S, SPEED_M_S = 200, 0.1, 10.0  # frames of the street
 LENGTH_M = PERIOD * INTERVAL_S * SPEED_M_S

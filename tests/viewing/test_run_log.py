@@ -20,7 +20,7 @@ from meshslam.errors import ConfigError
 from meshslam.geometry import Pose, render
 from meshslam.maps import Map, object_colour
 from meshslam.viewing import LogTargets, McapLog, OpenedLog, RerunLog, log_finished_run, open_run_log, write_recording
-from meshslam.viewing.log_shapes import CHANGED_M, mesh_outlines, position_ellipsoids, vertex_colours
+from meshslam.viewing.log_shapes import CHANGED_M, _before, mesh_outlines, position_ellipsoids, vertex_colours
 
 COVARIANCE = np.diag([0.04, 0.01, 0.0025, 1e-4, 1e-4, 1e-4])
 TURNED = Pose.from_yaw(0.3, np.array([5.0, -2.0, 1.0]))
@@ -404,3 +404,21 @@ def test_a_viewer_that_is_gone_is_not_waited_for(context, tmp_path, monkeypatch)
     assert max(waited) < 60.0
     assert len(said) == 1
     assert len(rows_of(tmp_path / "run.rrd")["/world/camera"]) == len(context.frame_ids)  # all is there, in spite of it
+
+
+def test_outlines_of_a_large_map_are_those_of_the_few_cars_in_view(camera, path, make_car):
+    """The reference draws all of them."""
+    rng = np.random.default_rng(2)
+    at = rng.uniform([-60, -60, -3], [120, 60, 3], (150, 3))
+    cars = tuple(make_car(1 + k % 7, x, y, yaw) for k, (x, y, yaw) in enumerate(at))
+    cars = tuple(replace(one, id=k) for k, one in enumerate(cars))
+    eye = path[3].inverse()
+    index = render(camera, [(eye @ one.world_from_object, one.vertices, one.faces) for one in cars]).object_index
+    found = mesh_outlines(camera, path[3], cars)
+    assert len(found) > 5
+    assert set(found) <= set(np.unique(index[index >= 0]).tolist())
+    for number, borders in found.items():
+        filled = np.zeros(index.shape, np.uint8)
+        cv2.drawContours(filled, [b.astype(np.int32)[:, None] for b in borders], -1, 1, cv2.FILLED)
+        assert filled[index == number].all()
+    assert len(_before(camera, eye, cars)) < 0.6 * len(cars)

@@ -68,12 +68,15 @@ class Map(Mapping[int, MapObject]):
         """The same where `save` is told another folder for them."""
         return tuple(_mesh_name(thing, meshes) for thing in self.objects)
 
-    def save(self, folder: Path | str, *, meshes: str = MESHES) -> None:
+    def save(
+        self, folder: Path | str, *, meshes: str = MESHES, progress: Callable[[int, int], None] | None = None
+    ) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
 
         Meshes that the map.json before it named go with it, other files stay. MapError if the disk does not take it;
         what was there before then stays. `meshes`, objects or objects-2, is the folder of the meshes: where a map is
         saved again and again, the one that the map before does not use leaves that map whole until this one is.
+        `progress` is told how many meshes are on the disk, of how many.
         """
         folder = Path(folder)
         try:
@@ -85,8 +88,14 @@ class Map(Mapping[int, MapObject]):
         entries = [_entry(thing.recentred(), meshes) for thing in self.objects]
         document = {"format": FORMAT, "version": VERSION, "objects": entries}
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+        def mesh(index: int) -> bytes:
+            if progress is not None:
+                progress(index + 1, len(self.objects))
+            return _ply_bytes(self.objects[index])
+
         files: dict[Path, Content] = {
-            folder / _mesh_name(thing, meshes): partial(_ply_bytes, thing) for thing in self.objects
+            folder / _mesh_name(thing, meshes): partial(mesh, k) for k, thing in enumerate(self.objects)
         }
         write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
         for name in before:

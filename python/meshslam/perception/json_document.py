@@ -20,6 +20,7 @@ class Entries:
 
     text: str
     begin: int  # of the list's bracket
+    count: int
 
     def __iter__(self) -> Iterator[Any]:
         at = _blank(self.text, self.begin + 1)
@@ -30,7 +31,7 @@ class Entries:
             at = _blank(self.text, at + 1) if self.text[at] == "," else at
 
     def __len__(self) -> int:
-        return sum(1 for _ in self)
+        return self.count
 
 
 def load_with_entries(path: Path, key: str) -> Any:  # noqa: ANN401 # any JSON
@@ -71,15 +72,16 @@ def _object(text: str, key: str) -> dict[str, Any] | None:
 
 def _entries(text: str, begin: int) -> tuple[Entries, int]:
     """The list at a place, and where it ends; ValueError or IndexError if it is no sound one."""
-    at = _after(text, begin, "[")
+    at, count = _after(text, begin, "["), 0
     while text[at] != "]":
         _, at = _DECODER.raw_decode(text, at)
+        count += 1
         at = _blank(text, at)
         if text[at] == "," and text[_after(text, at, ",")] != "]":
             at = _after(text, at, ",")
         elif text[at] != "]":
             raise ValueError(at)
-    return Entries(text, begin), at + 1
+    return Entries(text, begin, count), at + 1
 
 
 def _after(text: str, at: int, sign: str) -> int:

@@ -53,6 +53,7 @@ def read_recorded_detections(
     tracked: Collection[str] = VEHICLES,
     report: Report | None = None,
     prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> DetectionSet:
     """Read the detections that come with a recording: as `read_detections`, then made plausible.
 
@@ -64,9 +65,9 @@ def read_recorded_detections(
 
     `prepare` brings what another tool wrote to the contract before it is read; `renamed` None keeps all names then.
     Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
-    and entries with problems are left out.
+    and entries with problems are left out. `progress` is told how many annotations are read, of how many.
     """
-    faults = Faults(Path(path), report)
+    faults = Faults(Path(path), report, progress=progress)
     names = renamed if prepare is not None else renamed or {}
     found, crowd = _read(faults, sequence, names, tracked, prepare)
     found = plausible(found, crowd, faults)
@@ -157,6 +158,8 @@ def _entries(
         if entry.id in entries:
             faults.add(where, f"id: {entry.id} is used twice, expected one entry per id")
         entries.setdefault(entry.id, entry)
+        if faults.progress is not None and key == "annotations" and (index + 1) % 100 in (0, len(rows) % 100):
+            faults.progress(index + 1, len(rows))
     return tuple(entries.values())
 
 
