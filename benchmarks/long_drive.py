@@ -162,9 +162,11 @@ class Taken:
 def run(checkout: Path, drive: Path, out: Path, *more: str) -> Taken:
     """`map` by a checkout, in a process of its own."""
     place = {"PYTHONPATH": str(checkout / "python"), "MESHSLAM_RECORDING": "0"}
-    command = [sys.executable, "-m", "meshslam", "map", str(drive), "--out", str(out), "--overwrite", "--quiet", *more]
+    command = [sys.executable, "-m", "meshslam", "map", str(drive), "--out", str(out), "--overwrite", *more]
     began_s = time.perf_counter()
-    process = subprocess.Popen(command, env={**os.environ, **place}, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command, env={**os.environ, **place}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     _, status, used = os.wait4(process.pid, 0)
     if status:
         sys.exit(f"{' '.join(command)}: ended with status {status}")
