@@ -88,7 +88,9 @@ def annotations(frames: int) -> list[dict[str, Any]]:
 
 
 def make(folder: Path, frames: int) -> Path:
-    """The sequence folder."""
+    """The sequence folder; made once."""
+    if (folder / "detections.json").is_file():
+        return folder
     folder.mkdir(parents=True, exist_ok=True)
     times_s = INTERVAL_S * np.arange(frames)
     path = poses(times_s)

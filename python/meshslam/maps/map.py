@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -54,10 +54,16 @@ class Map(Mapping[int, MapObject]):
         return (thing.id for thing in self.objects)
 
     def __getitem__(self, number: int) -> MapObject:
-        for thing in self.objects:
-            if thing.id == number:
-                return thing
-        raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
+        if number not in self._by_id:
+            raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
+        return self._by_id[number]
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._by_id
+
+    @cached_property
+    def _by_id(self) -> dict[object, MapObject]:
+        return {thing.id: thing for thing in self.objects}
 
     @property
     def mesh_files(self) -> tuple[str, ...]:
