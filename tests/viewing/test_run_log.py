@@ -422,3 +422,5 @@ def test_outlines_of_a_large_map_are_those_of_the_few_cars_in_view(camera, path,
         for one, other in zip(borders, mask_contours((index == number).astype(np.uint8)), strict=True):
             np.testing.assert_array_equal(one, other)
     assert len(_before(camera, eye, cars)) < 0.6 * len(cars)
+    far = tuple(replace(one, world_from_object=Pose.from_yaw(0.0, np.array([900.0, 0.0, 0.8]))) for one in cars)
+    assert _before(camera, eye, far) == []  # a straight street of many cars

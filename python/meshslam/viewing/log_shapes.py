@@ -18,6 +18,7 @@ from meshslam.viewing.run_log import Colouring
 LOW_SIGMA_M, HIGH_SIGMA_M = 0.01, 0.3  # ends of the scale of colours, which is logarithmic
 ELLIPSOID_SIGMAS = 3.0
 MIN_HALF_SIZE_M = 1e-4  # an ellipsoid without extent is not drawn by viewers
+MIN_OUTLINE_PX = 4.0  # radius of an object that is outlined: along a straight street all cars ahead are in view
 CHANGED_M = 0.005  # an object is told again when a vertex of it moved so far
 
 
@@ -57,13 +58,14 @@ def mesh_outlines(camera: Camera, world_from_camera: Pose, objects: Sequence[Map
 
 
 def _before(camera: Camera, camera_from_world: Pose, objects: tuple[MapObject, ...]) -> list[MapObject]:
-    """The objects that may be in view: of a long drive's map they are few."""
+    """The objects that may be in view and large enough: of a long drive's map they are few."""
     centres, radii = _balls(objects)
     x, y, z = camera_from_world.transform(centres).T
     wide = (max(camera.cx, camera.width - camera.cx) + 1 + abs(camera.skew) * camera.height) / camera.fx
     high = (max(camera.cy, camera.height - camera.cy) + 1) / camera.fy
     deepest = z + radii
     inside = (np.abs(x) - radii <= wide * deepest) & (np.abs(y) - radii <= high * deepest) & (deepest > 0)
+    inside &= radii * camera.fx >= MIN_OUTLINE_PX * deepest
     return [objects[i] for i in np.flatnonzero(inside).tolist()]
 
 
