@@ -135,7 +135,7 @@ def test_progress_is_told_of_every_step(frames, tracked, car, only, street):
     some = only(tracked, street.cars[0].id)
     map_objects(frames, some, car, *CONFIG, progress=lambda *row: told.append(row))
     steps = [step for step, _, _ in told]
-    assert {"initialize", "shape", "uncertainty"} <= set(steps)
+    assert {"initialize", "fit", "shape"} <= set(steps)
     assert all(done <= total for _, done, total in told)
 
 

@@ -1,15 +1,17 @@
 """What an object's views keep from pass to pass."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from meshslam.mapping import MappingConfig, map_objects
-from meshslam.mapping.pipeline import make_scene
+from meshslam.mapping.pipeline import NOISE_TRACKS, make_scene, noise_tracks
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, first_pass, fit_again, mean_iou, observe, observe_again
 from meshslam.objects import ObjectConfig, uncertainty, view_bytes
+from meshslam.objects.observations import make_view
 from meshslam.objects.reconstruction import motion, reconstruct
 
 
@@ -21,6 +23,9 @@ class Hiding:
 
     def before(self, detection):
         return np.full(self.shape, detection.frame in self.frames, np.uint8)
+
+    def differs(self, other, detection):
+        return not np.array_equal(self.before(detection), other.before(detection))
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +86,17 @@ def test_so_many_tracks_hold_their_views_as_there_is_room_for(scene, track, fram
 
 def test_a_street_is_mapped_to_the_same_bits_whether_views_are_held_or_not(frames, tracked, car, monkeypatch):
     config = ObjectConfig(), MappingConfig()
-    whole = map_objects(frames, tracked, car, *config)
+    whole = map_objects(frames, tracked, car, *config, fixed_tracks=True)
+    made = Counter()
+
+    def counted(model, camera, pose, time_s, detection, *given):
+        made[detection.id] += 1
+        return make_view(model, camera, pose, time_s, detection, *given)
+
+    monkeypatch.setattr("meshslam.objects.track.make_view", counted)
     monkeypatch.setattr("meshslam.mapping.work.HELD_BYTES", 0)
-    lean = map_objects(frames, tracked, car, *config)
+    lean = map_objects(frames, tracked, car, *config, fixed_tracks=True)
+    assert sorted(set(made.values())) == [2, 3]  # once a sweep; what is left out after the second is not in the third
     assert whole.mask_ious == lean.mask_ious
     assert whole.left_out == lean.left_out
     for a, b in zip(whole.map.objects, lean.map.objects, strict=True):
@@ -91,3 +104,12 @@ def test_a_street_is_mapped_to_the_same_bits_whether_views_are_held_or_not(frame
         assert np.array_equal(a.vertices, b.vertices)
         assert np.array_equal(a.vertex_sigma_m, b.vertex_sigma_m)
         assert np.array_equal(a.pose_covariance, b.pose_covariance)
+
+
+def test_the_noise_of_a_long_drive_is_told_by_some_tracks_spread_over_it(track):
+    few, many = ([replace(track, id=k) for k in range(count)] for count in (NOISE_TRACKS, 10 * NOISE_TRACKS))
+    assert noise_tracks([]) == frozenset()
+    assert len(noise_tracks(few)) == NOISE_TRACKS
+    asked = sorted(noise_tracks(many))
+    assert len(asked) == NOISE_TRACKS
+    assert np.diff(asked).max() <= 11

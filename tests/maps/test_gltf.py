@@ -1,4 +1,5 @@
 import io
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -85,3 +86,23 @@ def test_empty_maps_and_standing_cameras_are_drawn(tmp_path, a_map):
 def test_a_path_straight_up_is_a_tube(a_map):
     climb = Trajectory(np.arange(5.0), tuple(Pose(np.eye(3), np.array([0, 0, float(i)])) for i in range(5)))
     assert np.isfinite(scene_of(to_glb(Map(()), climb)).bounds).all()
+
+
+def test_of_a_large_map_little_more_than_the_file_is_in_memory(make_object, path, tmp_path):
+    """What each further object adds while a map is drawn, and while it is saved, bytes."""
+    ball, added = trimesh.creation.icosphere(subdivisions=3), {}
+    mesh = {"vertices": np.array(ball.vertices), "faces": np.array(ball.faces)}
+    known = {"vertex_sigma_m": np.full(len(ball.vertices), 0.1), "vertex_observed": np.ones(len(ball.vertices), bool)}
+    for name, write in (("draw", lambda scene: to_glb(scene, path)), ("save", lambda scene: scene.save(tmp_path))):
+        peaks = []
+        for count in (5, 25):
+            scene = Map(tuple(make_object(k, **mesh, **known) for k in range(1, count + 1)))
+            write(scene)  # imports are not counted
+            tracemalloc.start()
+            write(scene)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        added[name] = (peaks[1] - peaks[0]) / 20
+    in_file = 28 * len(ball.vertices)  # positions, normals, colours; faces are there once
+    assert added["draw"] < 7.5 * in_file
+    assert added["save"] < 20_000  # of a mesh nothing: its file has 53,000

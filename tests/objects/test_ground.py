@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.objects import ObjectConfig
+from meshslam.objects import ObjectConfig, ground
 from meshslam.objects.ground import ground_near, road_points
 
 CONFIG = ObjectConfig()
@@ -52,3 +52,18 @@ def test_a_world_moved_moves_the_plane(rng):
     here, there = ground_near(road, position, CONFIG), ground_near(road + shift, position + shift, CONFIG)
     np.testing.assert_allclose(there.normal, here.normal, atol=1e-9)
     assert there.height_m(position + shift) == pytest.approx(here.height_m(position), abs=1e-8)
+
+
+def test_a_path_that_is_far_too_long_gives_the_same_plane(monkeypatch):
+    """Of points without a weight nothing is computed: with and without them all is the same to the last bit."""
+    at = np.arange(0, 6000.0)
+    road = road_points(cameras_over(lambda x, y: 0.2 * np.sin(x / 80), at, ys=20 * np.sin(at / 100)), 1.65)
+    places = [np.array([x, 4.0, 0.0]) for x in (0.0, 700.0, 3000.0, 5990.0)]
+    near = [ground_near(road, place, CONFIG) for place in places]
+    used = [len(ground._in_reach(road, place)) for place in places]
+    monkeypatch.setattr(ground, "_REACH_M", np.inf)
+    for plane, place, count in zip(near, places, used, strict=True):
+        whole = ground_near(road, place, CONFIG)
+        np.testing.assert_array_equal(plane.normal, whole.normal)
+        assert (plane.offset_m, plane.height_sigma_m) == (whole.offset_m, whole.height_sigma_m)
+        assert count < 900

@@ -58,3 +58,34 @@ def test_a_mapped_object_behind_the_camera_hides_nothing(camera, box_detection, 
     behind = box_detection(1, 0, (270, 80, 40, 30), 1)
     occluders = Occluders(camera, {0: (behind,)}, {0: drive(1)[0]}, {1: placed(20.0, 2.0), 2: placed(-9.0, 0.0)})
     assert not occluders.before(behind).any()
+
+
+def test_of_many_mapped_objects_those_that_hide_are_found(camera, car, box_detection, drive):
+    """The reference draws every object: the few that are looked at are all that matter."""
+    rng = np.random.default_rng(3)
+    pose, behind = drive(1)[0], box_detection(1, 0, (240, 60, 120, 70), 1)
+    at = np.column_stack([rng.uniform(-30, 60, 200), rng.uniform(-40, 40, 200), np.full(200, car.dimensions[2] / 2)])
+    there = {2 + k: Placed(Pose.from_yaw(rng.uniform(-3, 3), p), car.vertices, car.faces) for k, p in enumerate(at)}
+    here = {1: Placed(Pose.from_yaw(0.0, np.array([30.0, 0.0, 0.8])), car.vertices, car.faces), **there}
+    eye = pose.inverse()
+    depth_m = (eye @ here[1].world_from_object).translation[2]
+    every = [(eye @ thing.world_from_object, thing.vertices, thing.faces) for thing in there.values()]
+    nearer = [one for one in every if -1.0 < one[0].translation[2] < depth_m]
+    expected = render(camera, nearer).mask
+    x, y, w, h = (int(v) for v in behind.bbox)
+    found = Occluders(camera, {0: (behind,)}, {0: pose}, here).before(behind)
+    assert found[y : y + h, x : x + w].any()
+    np.testing.assert_array_equal(found[y : y + h, x : x + w], expected[y : y + h, x : x + w])
+
+
+def test_other_places_differ_where_something_else_hides(camera, box_detection, drive, placed):
+    low, high = box_detection(1, 0, (100, 60, 80, 70), 1), box_detection(2, 0, (150, 50, 80, 60), 2)
+    alone = box_detection(3, 0, (400, 50, 80, 60), 3)
+    none = Occluders(camera, {0: (low, high, alone)}, {0: drive(1)[0]})
+    same = none.with_placed({1: placed(12.0, 1.0), 2: placed(20.0, 2.0), 3: placed(12.0, -3.0)})
+    turned = none.with_placed({1: placed(20.0, 2.0), 2: placed(12.0, 1.0)})
+    unseen = none.with_placed({3: placed(20.0, -5.0), 4: placed(8.0, -2.0)})
+    for other, changed in ((same, set()), (turned, {1, 2}), (unseen, {3})):
+        assert {d.id for d in (low, high, alone) if none.differs(other, d)} == changed
+        for d in (low, high, alone):
+            assert none.differs(other, d) == (not np.array_equal(none.before(d), other.before(d)))

@@ -11,7 +11,14 @@ from hypothesis.extra import numpy as arrays
 from pycocotools import mask as coco
 
 from meshslam.errors import DetectionError
-from meshslam.perception import read_detections, write_detections
+from meshslam.perception import (
+    CategoryEntry,
+    Detection,
+    DetectionSet,
+    ImageEntry,
+    read_detections,
+    write_detections,
+)
 from meshslam.perception.masks import decode_segmentation, encode_mask, segmentation_problem, unpack_counts
 
 HEIGHT, WIDTH = 40, 60
@@ -243,3 +250,17 @@ def test_polygons_cover_what_they_enclose():
 def test_packed_runs_beyond_the_image_are_named_by_their_range():
     huge = "PPPPPPPP1"  # 2^40
     assert "has counts from" in segmentation_problem({"size": [20, 30], "counts": huge}, 20, 30)
+
+
+def test_what_all_detections_of_a_file_have_in_common_is_held_once(tmp_path):
+    """Memory of a long drive: the size of its images and of its masks, once; the file's own values come back."""
+    mask = np.zeros((20, 30), np.uint8)
+    mask[5:12, 8:20] = 1
+    seen = tuple(Detection.from_mask(mask, id=k + 1, frame=k) for k in range(3))
+    images = tuple(ImageEntry(k, f"{k:06d}.png", 30, 20) for k in range(3))
+    path = tmp_path / "detections.json"
+    path.write_bytes(write_detections(DetectionSet(images, (CategoryEntry(1, "car"),), seen)))
+    read = read_detections(path)
+    assert len({id(d.image_size) for d in read.detections}) == 1
+    assert len({id(d.segmentation["size"]) for d in read.detections}) == 1
+    assert write_detections(read) == path.read_bytes()

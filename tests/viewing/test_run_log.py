@@ -20,7 +20,8 @@ from meshslam.errors import ConfigError
 from meshslam.geometry import Pose, render
 from meshslam.maps import Map, object_colour
 from meshslam.viewing import LogTargets, McapLog, OpenedLog, RerunLog, log_finished_run, open_run_log, write_recording
-from meshslam.viewing.log_shapes import CHANGED_M, mesh_outlines, position_ellipsoids, vertex_colours
+from meshslam.viewing.log_shapes import CHANGED_M, _before, mesh_outlines, position_ellipsoids, vertex_colours
+from meshslam.viewing.overlay import mask_contours
 
 COVARIANCE = np.diag([0.04, 0.01, 0.0025, 1e-4, 1e-4, 1e-4])
 TURNED = Pose.from_yaw(0.3, np.array([5.0, -2.0, 1.0]))
@@ -404,3 +405,22 @@ def test_a_viewer_that_is_gone_is_not_waited_for(context, tmp_path, monkeypatch)
     assert max(waited) < 60.0
     assert len(said) == 1
     assert len(rows_of(tmp_path / "run.rrd")["/world/camera"]) == len(context.frame_ids)  # all is there, in spite of it
+
+
+def test_outlines_of_a_large_map_are_those_of_the_few_cars_in_view(camera, path, make_car):
+    """The reference draws all of them."""
+    rng = np.random.default_rng(2)
+    at = rng.uniform([-60, -60, -3], [120, 60, 3], (150, 3))
+    cars = tuple(make_car(1 + k % 7, x, y, yaw) for k, (x, y, yaw) in enumerate(at))
+    cars = tuple(replace(one, id=k) for k, one in enumerate(cars))
+    eye = path[3].inverse()
+    index = render(camera, [(eye @ one.world_from_object, one.vertices, one.faces) for one in cars]).object_index
+    found = mesh_outlines(camera, path[3], cars)
+    assert len(found) > 5
+    assert set(found) <= set(np.unique(index[index >= 0]).tolist())
+    for number, borders in found.items():
+        for one, other in zip(borders, mask_contours((index == number).astype(np.uint8)), strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert len(_before(camera, eye, cars)) < 0.6 * len(cars)
+    far = tuple(replace(one, world_from_object=Pose.from_yaw(0.0, np.array([900.0, 0.0, 0.8]))) for one in cars)
+    assert _before(camera, eye, far) == []  # a straight street of many cars

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from meshslam.files.arrays import arrays_from_bytes, arrays_to_bytes
     from meshslam.files.atomic import (
         LEFTOVER_SUFFIX,
+        Content,
         part_of,
         remove_leftovers,
         remove_leftovers_of,
@@ -26,7 +27,7 @@ else:
         {
             "arrays": "arrays_from_bytes arrays_to_bytes",
             "atomic": (
-                "LEFTOVER_SUFFIX part_of remove_leftovers remove_leftovers_of write_atomically write_into "
+                "LEFTOVER_SUFFIX Content part_of remove_leftovers remove_leftovers_of write_atomically write_into "
                 "write_together written_aside"
             ),
             "digest": "digest_of digest_of_file",
@@ -41,6 +42,7 @@ __all__ = [
     "LEFTOVER_SUFFIX",
     "LIST",
     "LOCK",
+    "Content",
     "arrays_from_bytes",
     "arrays_to_bytes",
     "digest_of",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from meshslam.errors import MapError, MeshslamError
 from meshslam.files.lock import started
 
 LEFTOVER_SUFFIX = ".meshslam-part"
+Content = bytes | Callable[[], bytes]
 
 
 def write_atomically(path: Path, content: bytes, error: type[MeshslamError] = MapError) -> None:
@@ -26,8 +27,10 @@ def write_into(path: Path, content: str | bytes, error: type[MeshslamError] = Ma
         raise _named(problem, path, error) from None
 
 
-def write_together(files: Mapping[Path, bytes], last: Path, error: type[MeshslamError] = MapError) -> None:
+def write_together(files: Mapping[Path, Content], last: Path, error: type[MeshslamError] = MapError) -> None:
     """Write several files; `last`, one of them, tells that the others are there.
+
+    A content may be what makes it: it is made when it is written, so that only one of many is in memory.
 
     All contents are on the disk before the first name changes, and an older `last` goes first if others are replaced: a
     crash leaves the old set, or the new one, or a set without `last`. `error` names the file that the disk does not
@@ -100,11 +103,12 @@ def sync_folder(folder: Path) -> None:
         sync_file(folder)
 
 
-def _write_part(path: Path, part: Path, content: bytes) -> None:
+def _write_part(path: Path, part: Path, content: Content) -> None:
     """Write all of it to the disk; an OSError names the final path."""
+    made = content if isinstance(content, bytes) else content()
     try:
         with part.open("wb") as file:
-            file.write(content)
+            file.write(made)
             file.flush()
             os.fsync(file.fileno())
     except OSError as problem:

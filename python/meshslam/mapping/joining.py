@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshslam.mapping.config import MappingConfig
-from meshslam.mapping.judgement import same_place
+from meshslam.mapping.judgement import Places
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, first_pass, mean_iou
 from meshslam.objects import Occluders, Scene, Track
@@ -25,8 +25,8 @@ def join_tracks(
     if fixed_tracks:
         return detections, work, []
     left_out: list[LeftOut] = []
-    work = list(work)
-    while (pair := same_place(work, scene, config)) is not None:
+    work, places = list(work), Places(scene, config.merge_distance_m)
+    while (pair := places.shared(work)) is not None:
         first, second = (work[i] for i in pair)
         seen = [len(one.observed.track.detections) for one in (first, second)]
         keep, give = (first, second) if seen[0] >= seen[1] else (second, first)

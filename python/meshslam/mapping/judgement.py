@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
+from meshslam.geometry import Floats
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.left_out import LeftOut
-from meshslam.mapping.work import Work, each, mean_iou
-from meshslam.objects import Scene, centred, height_over_road_m, motion
-
-
-def without_unfit(
-    work: list[Work], scene: Scene, config: MappingConfig, *, judge_shape: bool = True
-) -> tuple[list[Work], list[LeftOut]]:
-    """Those that are parked objects of the category, and why the others are not."""
-    reasons = each("check", lambda w: why_unfit(w, scene, config, judge_shape=judge_shape), work, None)
-    kept = [w for w, reason in zip(work, reasons, strict=True) if reason is None]
-    return kept, [reason for reason in reasons if reason is not None]
+from meshslam.mapping.work import Work, mean_iou
+from meshslam.objects import Reconstruction, Scene, centred, height_over_road_m, motion
 
 
 def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: bool = True) -> LeftOut | None:
-    """Why an estimate is no parked object of the category, if it is none."""
-    work = work.with_views(scene)
+    """Why an estimate is no parked object of the category, if it is none; its views are there."""
     track = work.observed.track
     distance = min(
         float(np.linalg.norm(pose.translation - work.found.state.world_from_object.translation))
@@ -57,7 +50,8 @@ def _moves(work: Work, scene: Scene) -> str | None:
 def without_duplicates(work: list[Work], scene: Scene, config: MappingConfig) -> tuple[list[Work], list[LeftOut]]:
     """Of two objects in one place, keep the one that is seen in more views."""
     left_out: list[LeftOut] = []
-    while (pair := same_place(work, scene, config)) is not None:
+    places = Places(scene, config.merge_distance_m)
+    while (pair := places.shared(work)) is not None:
         first, second = (work[i] for i in pair)
         give = second if len(first.observed.track.detections) >= len(second.observed.track.detections) else first
         keep = first if give is second else second
@@ -67,11 +61,26 @@ def without_duplicates(work: list[Work], scene: Scene, config: MappingConfig) ->
     return work, left_out
 
 
-def same_place(work: list[Work], scene: Scene, config: MappingConfig) -> tuple[int, int] | None:
-    """The first two that stand in one place."""
-    places = [centred(scene.model, w.found.state).world_from_object.translation for w in work]
-    for i, a in enumerate(places):
-        for j in range(i + 1, len(places)):
-            if float(np.linalg.norm(a - places[j])) < config.merge_distance_m:
-                return i, j
-    return None
+@dataclass
+class Places:
+    """Where objects stand; asked again and again while some of them go or change."""
+
+    scene: Scene
+    distance_m: float  # two objects nearer than this are in one place
+    _known: dict[int, tuple[Reconstruction, Floats]] = field(default_factory=dict)  # by track
+
+    def shared(self, work: list[Work]) -> tuple[int, int] | None:
+        """The first two that stand in one place."""
+        places = np.array([self._of(w) for w in work]).reshape(-1, 3)
+        for i, a in enumerate(places):
+            roughly = np.abs(places[i + 1 :] - a).max(axis=1) < self.distance_m
+            for j in (i + 1 + np.flatnonzero(roughly)).tolist():
+                if float(np.linalg.norm(a - places[j])) < self.distance_m:
+                    return i, j
+        return None
+
+    def _of(self, work: Work) -> Floats:
+        number, found = work.observed.track.id, work.found
+        if number not in self._known or self._known[number][0] is not found:
+            self._known[number] = found, centred(self.scene.model, found.state).world_from_object.translation
+        return self._known[number][1]

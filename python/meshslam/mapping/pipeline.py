@@ -3,48 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from meshslam.categories import Category
-from meshslam.geometry import ObjectState, Pose
+from meshslam.geometry import Floats, ObjectState, Pose
 from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
-from meshslam.mapping.judgement import without_duplicates, without_unfit
+from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.selection import usable_tracks
-from meshslam.mapping.work import (
-    HeldViews,
-    Progress,
-    Work,
-    by_gradient,
-    each,
-    first_pass,
-    fit_again,
-    mean_iou,
-    next_pass,
-)
+from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
 from meshslam.objects import (
     ObjectConfig,
     Occluders,
     Placed,
+    Reconstruction,
     Scene,
     Track,
-    TrackObservations,
     category_model,
     centred,
     estimated_noise,
     fit_free_form,
-    fit_modes,
     road_points,
-    uncertainty,
 )
 from meshslam.perception import DetectionSet
 
 _DEFAULT_CAMERA_HEIGHT_M = 1.65
+NOISE_TRACKS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,60 +81,103 @@ def map_objects(
     tracked, scene = detections, make_scene(frames, detections, category, objects, use_ground=config.use_ground)
     tracks, left_out = usable_tracks(frames, detections, category.name, config, objects.min_view_box_px)
 
+    so_far = _SoFar(scene)
+
     def tell(work: list[Work]) -> None:
         if on_objects is not None:
-            on_objects([_object_so_far(w, scene) for w in work])
+            on_objects([so_far.object_of(w) for w in work])
 
     held = HeldViews.of(tracks, scene)
     occluders, known = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame()), starts or {}
     if objects.solver == "gradient":
         work = each("descend", lambda t: held.settled(by_gradient(t, scene, occluders)), tracks, progress, tell)
-        return _mapping(work, left_out, detections, tracked, scene, config, progress)
+        ended = each("uncertainty", lambda w: finished(w.with_views(scene), scene, config), work, progress)
+        return _mapping(ended, left_out, detections, tracked, scene, config)
 
-    def begin(track: Track) -> Work:
-        return held.settled(first_pass(track, scene, occluders, known.get(track.id)))
-
-    work = each("initialize", begin, tracks, progress, tell)
-    scene = with_noise_of(scene, work) if config.estimate_noise else scene
-    work = each("fit", held.passing(lambda w: fit_again(w, scene), scene), work, progress)
-    work, gone = without_unfit(
-        work, scene, config, judge_shape=False
-    )  # the next pass knows what hides it, and may mend it
+    # each object goes through a whole sweep at once, so that its views are made once and need not be kept
+    work, scene = _begun(tracks, scene, occluders, known, config, held, progress, tell)
+    work, gone = _fitted(work, scene, config, held, progress)
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
     work = [held.settled(w) for w in work]
     tell(work)
 
-    for number in range(1, config.passes):
-        placed = Occluders(frames.camera, detections.by_frame(), frames.pose_of_frame(), _placed(work, scene))
+    for number in range(1, config.passes - 1):
+        placed = occluders.with_placed(_placed(work, scene))
         again = partial(next_pass, scene=scene, earlier=occluders, occluders=placed)
-        work, occluders = each(f"refine {number}", held.passing(again, scene), work, progress), placed
+        work, occluders = each(f"refine {number}", held.passing(again), work, progress), placed
         tell(work)
-    shaped = held.passing(lambda w: replace(w, found=fit_free_form(w.observed, scene, w.found)), scene)
-    work = each("shape", shaped, work, progress)
-    tell(work)
-    return _mapping(work, left_out, detections, tracked, scene, config, progress)
+    placed = occluders.with_placed(_placed(work, scene))
+
+    def last(work: Work) -> Finished:
+        again = work.with_views(scene) if config.passes < 2 else next_pass(work, scene, occluders, placed)
+        shaped = replace(again, found=fit_free_form(again.observed, scene, again.found))
+        return finished(shaped, scene, config)
+
+    ended = each("shape", last, work, progress)
+    tell([one.work for one in ended])
+    return _mapping(ended, left_out, detections, tracked, scene, config)
+
+
+def _begun(
+    tracks: list[Track],
+    scene: Scene,
+    occluders: Occluders,
+    known: Mapping[int, Pose],
+    config: MappingConfig,
+    held: HeldViews,
+    progress: Progress | None,
+    tell: Callable[[list[Work]], None],
+) -> tuple[list[Work], Scene]:
+    """Start, pose and modes of every track, and the scene with the noise that these fits leave over."""
+    asked = noise_tracks(tracks) if config.estimate_noise else frozenset()
+    left_over: dict[int, list[Floats]] = {}
+
+    def begin(track: Track) -> Work:
+        work = first_pass(track, scene, occluders, known.get(track.id))
+        if track.id in asked:
+            left_over[track.id] = border_distances_px(work, scene)
+        return held.settled(work)
+
+    work = each("initialize", begin, tracks, progress, tell)
+    distances = [row for w in work for row in left_over.get(w.observed.track.id, [])]
+    return work, with_noise_of(scene, distances) if config.estimate_noise else scene
+
+
+def _fitted(
+    work: list[Work], scene: Scene, config: MappingConfig, held: HeldViews, progress: Progress | None
+) -> tuple[list[Work], list[LeftOut]]:
+    """Fitted with the noise known; what is no parked object is left out, but for its shape.
+
+    The last sweep knows what hides an object, and may mend its shape.
+    """
+
+    def fit(work: Work) -> tuple[Work, LeftOut | None]:
+        again = fit_again(work.with_views(scene), scene)
+        return held.settled(again), why_unfit(again, scene, config, judge_shape=False)
+
+    rows = each("fit", fit, work, progress)
+    return [w for w, unfit in rows if unfit is None], [unfit for _, unfit in rows if unfit is not None]
 
 
 def _mapping(
-    work: list[Work],
+    ended: list[Finished],
     left_out: list[LeftOut],
     detections: DetectionSet,
     tracked: DetectionSet,
     scene: Scene,
     config: MappingConfig,
-    progress: Progress | None,
 ) -> ObjectMapping:
     """What fits and stands in a place of its own, with its uncertainty."""
-    work, unfit = without_unfit(work, scene, config)
-    work, doubled = without_duplicates(work, scene, config)
-    left_out = left_out + unfit + doubled
-    objects = each("uncertainty", lambda w: _map_object(w.with_views(scene), scene), work, progress)
+    unfit = [one.unfit for one in ended if one.unfit is not None]
+    work, doubled = without_duplicates([one.work for one in ended if one.unfit is None], scene, config)
+    kept = {w.observed.track.id for w in work}
+    done = [one for one in ended if one.unfit is None and one.work.observed.track.id in kept]
+    objects = tuple(one.object for one in done if one.object is not None)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
-    ious = _stage_ious(work, scene)
-    reasons = tuple(sorted(left_out, key=lambda r: r.track))
-    return ObjectMapping(Map(tuple(objects)), detections, reasons, stages, ious, tracked)
+    reasons = tuple(sorted(left_out + unfit + doubled, key=lambda r: r.track))
+    return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked)
 
 
 def make_scene(
@@ -157,16 +190,22 @@ def make_scene(
     return Scene(frames.camera, category, model, detections.keypoint_names(category.name), road, config)
 
 
-def with_noise_of(scene: Scene, work: list[Work]) -> Scene:
+def noise_tracks(tracks: list[Track]) -> frozenset[int]:
+    """The tracks whose masks tell the noise: all of them, or some hundreds spread over a long drive."""
+    chosen = np.unique(np.linspace(0, len(tracks) - 1, min(len(tracks), NOISE_TRACKS)).round().astype(int))
+    return frozenset(tracks[i].id for i in chosen.tolist())
+
+
+def border_distances_px(work: Work, scene: Scene) -> list[Floats]:
+    """What the first fit of an object leaves over at its masks' borders."""
+    views, step = work.observed.views, scene.config.noise.outline_step_px
+    return list(scene.model.border_distances_px(views, work.found.state, step))
+
+
+def with_noise_of(scene: Scene, distances_px: list[Floats]) -> Scene:
     """The scene with the noise of its masks' borders, from what the first fits leave over."""
     config = scene.config
-    step = config.noise.outline_step_px
-    over = [
-        d
-        for w in work
-        for d in scene.model.border_distances_px(w.with_views(scene).observed.views, w.found.state, step)
-    ]
-    noise = estimated_noise(over, config.border_step_px, config.noise)
+    noise = estimated_noise(distances_px, config.border_step_px, config.noise)
     return replace(scene, config=replace(config, noise=noise))
 
 
@@ -178,54 +217,18 @@ def _placed(work: list[Work], scene: Scene) -> dict[int, Placed]:
     }
 
 
-def _object_so_far(work: Work, scene: Scene) -> MapObject:
-    """Pose and mesh of an object that is not finished; of their uncertainty nothing is known yet."""
-    mesh, track = centred(scene.model, work.found.state), work.observed.track
-    return MapObject(track.id, scene.category.name, mesh.world_from_object, mesh.vertices, scene.model.faces)
+@dataclass
+class _SoFar:
+    """Objects that are not finished, as the log shows them: made once for each estimate."""
 
+    scene: Scene
+    _known: dict[int, tuple[Reconstruction, MapObject]] = field(default_factory=dict)  # by track
 
-def _map_object(work: Work, scene: Scene) -> MapObject:
-    track, mesh = work.observed.track, centred(scene.model, work.found.state)
-    covariance, sigma, seen = uncertainty(work.observed, scene, work.found)
-    keypoints = scene.category.keypoints(mesh.vertices)
-    frames = [d.frame for d in track.detections]
-    return MapObject(
-        id=track.id,
-        category=scene.category.name,
-        world_from_object=mesh.world_from_object,
-        vertices=mesh.vertices,
-        faces=scene.model.faces,
-        views=len(track.detections),
-        first_frame=min(frames),
-        last_frame=max(frames),
-        mask_iou=mean_iou(work, scene),
-        keypoints=dict(zip(scene.category.keypoint_names, keypoints, strict=True)),
-        pose_covariance=covariance,
-        vertex_sigma_m=sigma,
-        vertex_observed=seen,
-    )
-
-
-def _stage_ious(work: list[Work], scene: Scene) -> dict[str, float]:
-    """Mask IoU after each step, mean over objects of the mean over their views."""
-    if not work:
-        return {}
-    rows = each("single frame", lambda w: _ious(w.with_views(scene), scene), work, None)
-    names = ("mask_iou_single_frame", "mask_iou_category_model", "mask_iou_pose", "mask_iou_shape")
-    return {name: float(np.mean(column)) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
-
-
-def _ious(work: Work, scene: Scene) -> tuple[float, ...]:
-    """Mask IoU from one frame alone, and after each step, mean over the views."""
-    stages = (work.found.start, work.found.posed, work.found.state)
-    return _single_frame_iou(work, scene), *(mean_iou(work, scene, state) for state in stages)
-
-
-def _single_frame_iou(work: Work, scene: Scene) -> float:
-    """Pose and modes from the one frame that shows the object largest, scored on it."""
-    sizes = [d.bbox[2] * d.bbox[3] for d in work.observed.track.detections]
-    best = [int(np.argmax(sizes))]
-    track, views = work.observed.track.subset(best), [work.observed.views[i] for i in best]
-    alone = TrackObservations(track, views, track, views)
-    [found] = fit_modes(alone, scene, [work.found.start.world_from_object])
-    return mean_iou(replace(work, observed=alone), scene, found.state)
+    def object_of(self, work: Work) -> MapObject:
+        """Pose and mesh of an object; of their uncertainty nothing is known yet."""
+        number, found = work.observed.track.id, work.found
+        if number not in self._known or self._known[number][0] is not found:
+            mesh, faces = centred(self.scene.model, found.state), self.scene.model.faces
+            thing = MapObject(number, self.scene.category.name, mesh.world_from_object, mesh.vertices, faces)
+            self._known[number] = found, thing
+        return self._known[number][1]

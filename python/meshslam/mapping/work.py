@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import TypeVar
 
-import numpy as np
-
 from meshslam.geometry import ObjectState, Pose, View
 from meshslam.objects import (
     Occluders,
@@ -77,9 +75,9 @@ class HeldViews:
         limit = HELD_BYTES if limit_bytes is None else limit_bytes
         return HeldViews(frozenset(t.id for t, size in zip(tracks, sizes, strict=True) if size <= limit))
 
-    def passing(self, fit: Callable[[Work], Work], scene: Scene) -> Callable[[Work], Work]:
-        """One object's part of a pass: its views are there meanwhile, and go afterwards unless they are held."""
-        return lambda work: self.settled(fit(work.with_views(scene)))
+    def passing(self, fit: Callable[[Work], Work]) -> Callable[[Work], Work]:
+        """One object's part of a sweep: its views go afterwards unless they are held."""
+        return lambda work: self.settled(fit(work))
 
     def settled(self, work: Work) -> Work:
         """The same without its views, unless they are held."""
@@ -140,9 +138,11 @@ def _all_views(track: Track, scene: Scene, occluders: Occluders) -> list[View]:
 def observe_again(
     observed: TrackObservations, scene: Scene, earlier: Occluders, occluders: Occluders
 ) -> TrackObservations:
-    """The same views, those made anew that something else hides now."""
+    """The same views, those made anew that something else hides now; all of them where they were let go."""
     track, views = observed.track, list(observed.views)
-    changed = [i for i, d in enumerate(track.detections) if not np.array_equal(earlier.before(d), occluders.before(d))]
+    if not views:
+        return replace(observed, views=_all_views(track, scene, occluders))
+    changed = [i for i, d in enumerate(track.detections) if earlier.differs(occluders, d)]
     made = make_views(
         track, scene.model, scene.category, scene.keypoint_names, scene.camera, occluders.before, scene.config, changed
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import colorsys
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,20 +44,30 @@ def to_glb(
     import trimesh  # slow to import
     from trimesh.exchange.gltf import export_glb
 
-    scene = trimesh.Scene()
+    scene, made = trimesh.Scene(), _MadeWhenAsked()
     for thing in scene_map.objects:
-        name = f"{thing.category}_{thing.id}"
-        transform = GLTF_FROM_WORLD @ thing.world_from_object.matrix
-        scene.add_geometry(_coloured(thing), node_name=name, geom_name=name, transform=transform)
+        made[f"{thing.category}_{thing.id}"] = partial(_coloured, thing)
+    transforms = [GLTF_FROM_WORLD @ thing.world_from_object.matrix for thing in scene_map.objects]
     if trajectory is not None and len(trajectory):
-        tube = _tube(trajectory.positions_in_world)
-        scene.add_geometry(tube, node_name="path", geom_name="path", transform=GLTF_FROM_WORLD)
-    if not scene.geometry:
-        scene.add_geometry(_mark(), node_name="empty", geom_name="empty", transform=GLTF_FROM_WORLD)
+        made["path"] = partial(_tube, trajectory.positions_in_world)
+    if not made:
+        made["empty"] = _mark
+    for name, transform in zip_longest(made.keys(), transforms, fillvalue=GLTF_FROM_WORLD):
+        place: Callable[..., None] = scene.graph.update
+        place(frame_to=name, matrix=transform, metadata=None, geometry=name, geometry_flags={"visible": True})
+    scene.geometry = made
     export: Callable[..., bytes] = export_glb
     return export(
         scene, include_normals=True, tree_postprocessor=partial(_complete, scene_map, trajectory, camera, frame_ids)
     )
+
+
+class _MadeWhenAsked(OrderedDict[str, "Callable[[], trimesh.Trimesh]"]):
+    """Geometries of a scene by name, each made when it is written: trimesh takes 300 KB for an object."""
+
+    def items(self) -> Any:  # noqa: ANN401 # what trimesh goes through, not what is held
+        """Each name with its geometry, made now."""
+        return ((name, make()) for name, make in super().items())
 
 
 def _complete(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from meshslam.errors import GeometryError, MapError
-from meshslam.files import map_file, must_exist, real_path, remove_leftovers, write_together
+from meshslam.files import Content, map_file, must_exist, real_path, remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.manifest import MESHES, written_meshes
 from meshslam.maps.objects import MapObject
@@ -53,10 +54,16 @@ class Map(Mapping[int, MapObject]):
         return (thing.id for thing in self.objects)
 
     def __getitem__(self, number: int) -> MapObject:
-        for thing in self.objects:
-            if thing.id == number:
-                return thing
-        raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
+        if number not in self._by_id:
+            raise KeyError(f"the map has no object {number}, it has {sorted(self) or 'none'}")
+        return self._by_id[number]
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._by_id
+
+    @cached_property
+    def _by_id(self) -> dict[object, MapObject]:
+        return {thing.id: thing for thing in self.objects}
 
     @property
     def mesh_files(self) -> tuple[str, ...]:
@@ -67,12 +74,15 @@ class Map(Mapping[int, MapObject]):
         """The same where `save` is told another folder for them."""
         return tuple(_mesh_name(thing, meshes) for thing in self.objects)
 
-    def save(self, folder: Path | str, *, meshes: str = MESHES) -> None:
+    def save(
+        self, folder: Path | str, *, meshes: str = MESHES, progress: Callable[[int, int], None] | None = None
+    ) -> None:
         """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
 
         Meshes that the map.json before it named go with it, other files stay. MapError if the disk does not take it;
         what was there before then stays. `meshes`, objects or objects-2, is the folder of the meshes: where a map is
         saved again and again, the one that the map before does not use leaves that map whole until this one is.
+        `progress` is told how many meshes are on the disk, of how many.
         """
         folder = Path(folder)
         try:
@@ -81,10 +91,18 @@ class Map(Mapping[int, MapObject]):
             raise MapError(f"{folder / meshes}: cannot be made: {error.strerror}") from None
         remove_leftovers(folder / meshes)
         before = written_meshes(folder)
-        centred = [thing.recentred() for thing in self.objects]
-        files = {folder / _mesh_name(thing, meshes): format_ply(_mesh(thing)) for thing in centred}
-        document = {"format": FORMAT, "version": VERSION, "objects": [_entry(thing, meshes) for thing in centred]}
+        entries = [_entry(thing.recentred(), meshes) for thing in self.objects]
+        document = {"format": FORMAT, "version": VERSION, "objects": entries}
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+        def mesh(index: int) -> bytes:
+            if progress is not None:
+                progress(index + 1, len(self.objects))
+            return _ply_bytes(self.objects[index])
+
+        files: dict[Path, Content] = {
+            folder / _mesh_name(thing, meshes): partial(mesh, k) for k, thing in enumerate(self.objects)
+        }
         write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
         for name in before:
             if folder / name not in files:
@@ -125,8 +143,16 @@ class Map(Mapping[int, MapObject]):
         if document.get("format", FORMAT) != FORMAT or document.get("version", VERSION) != VERSION:
             found = f"{document.get('format')!r} version {document.get('version')!r}"
             raise MapError(f"{file}: format: found {found}, expected {FORMAT!r} version {VERSION}")
-        objects = tuple(_read_entry(file, i, entry, allow_outside=allow_outside) for i, entry in enumerate(entries))
-        return _named(file, lambda: Map(objects))
+        objects: list[MapObject] = []
+        for i, entry in enumerate(entries):
+            thing = _read_entry(file, i, entry, allow_outside=allow_outside)
+            objects.append(_sharing_faces(thing, objects[-1]) if objects else thing)
+        return _named(file, lambda: Map(tuple(objects)))
+
+
+def _sharing_faces(thing: MapObject, other: MapObject) -> MapObject:
+    """The same object; where another's faces are equal they are held once."""
+    return replace(thing, faces=other.faces) if np.array_equal(thing.faces, other.faces) else thing
 
 
 def checked_place(position_m: Floats, radius_m: float) -> Floats:
@@ -149,8 +175,9 @@ def _mesh_name(thing: MapObject, meshes: str) -> str:
     return f"{meshes}/{thing.id}.ply"
 
 
-def _mesh(thing: MapObject) -> PlyMesh:
-    return PlyMesh(thing.vertices, thing.faces, thing.vertex_sigma_m, thing.vertex_observed)
+def _ply_bytes(thing: MapObject) -> bytes:
+    centred = thing.recentred()
+    return format_ply(PlyMesh(centred.vertices, centred.faces, centred.vertex_sigma_m, centred.vertex_observed))
 
 
 def _entry(thing: MapObject, meshes: str) -> dict[str, Any]:

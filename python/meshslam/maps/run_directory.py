@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -96,10 +96,10 @@ class RunDirectory:
         write_atomically(self.path(stage), content.encode() if isinstance(content, str) else content)
         return self.path(stage)
 
-    def save_map(self, found: Map) -> None:
-        """Write map.json and its meshes; MapError if the disk does not take it."""
+    def save_map(self, found: Map, progress: Callable[[int, int], None] | None = None) -> None:
+        """Write map.json and its meshes; MapError if the disk does not take it; `progress`: as for `Map.save`."""
         self.announce("map.json", *found.mesh_files)
-        found.save(self.folder)
+        found.save(self.folder, progress=progress)
 
     def save_map_again(self, found: Map) -> None:
         """The same for a run that saves its map while it goes on: the map before is whole until this one is."""

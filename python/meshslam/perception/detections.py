@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ class CategoryEntry:
     keypoints: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Detection:
     """One object seen in one image.
 
@@ -132,8 +133,13 @@ def write_detections(detections: DetectionSet) -> bytes:
         "images": [vars(image) for image in detections.images],
         "categories": [_category_entry(category) for category in detections.categories],
     }
-    rows = ",\n".join(_dump(_annotation(d, numbers[d.category])) for d in detections.detections)
-    return f'{_dump(head)[:-1]}, "annotations": [\n{rows}\n]}}\n'.encode()
+    text = BytesIO()  # holds the file once
+    text.write(f'{_dump(head)[:-1]}, "annotations": [\n'.encode())
+    for k, detection in enumerate(detections.detections):
+        row = _dump(_annotation(detection, numbers[detection.category]))
+        text.write((",\n" if k else "").encode() + row.encode())
+    text.write(b"\n]}\n")
+    return text.getvalue()
 
 
 def _dump(value: dict[str, Any]) -> str:

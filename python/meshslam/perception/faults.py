@@ -25,6 +25,7 @@ class Faults:
     report: Report | None = None  # collects
     notes: list[str] = field(default_factory=list)  # what was handled, one line a kind
     problem_count: int = 0
+    progress: Callable[[int, int], None] | None = None  # annotations that are read, of how many
 
     def add(self, where: str, what: str) -> None:
         """Report what is wrong at a place of the file."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,7 +47,8 @@ def frames_of_images(
         if chosen.get(i.id) not in sequence.left_out_frames
         and (i.id in frame_of or _stem(names.get(i.id, "")) not in left_out)
     ]
-    fitting = [i for i in part if _fits(i, chosen, sequence, faults, by_name=bool(frame_of))]
+    frames = frozenset(sequence.frame_ids)
+    fitting = [i for i in part if _fits(i, chosen, frames, sequence, faults, by_name=bool(frame_of))]
     matched = _one_a_frame([replace(i, id=chosen[i.id]) for i in fitting], faults)
     return FrameMatch(_whole(matched, sequence), {i.id: chosen[i.id] for i in fitting})
 
@@ -93,15 +94,23 @@ def _tell(frame_of: Mapping[int, int], names: Mapping[int, str], faults: Faults)
     )
 
 
-def _fits(image: ImageEntry, frame_of: Mapping[int, int], sequence: Sequence, faults: Faults, *, by_name: bool) -> bool:
+def _fits(
+    image: ImageEntry,
+    frame_of: Mapping[int, int],
+    frames: Collection[int],
+    sequence: Sequence,
+    faults: Faults,
+    *,
+    by_name: bool,
+) -> bool:
     """Whether an image is one of the recording's, and as large."""
     raw, before, where = sequence.raw_camera, faults.problem_count, f"images id {image.id}"
     if image.id not in frame_of:
         faults.add(where, f"file_name {quoted(image.file_name)} is no image of the recording, others of the file are")
-    elif frame_of[image.id] not in sequence.frame_ids:
-        frames = f"{sequence.frame_ids[0]} to {sequence.frame_ids[-1]}"
+    elif frame_of[image.id] not in frames:
+        span = f"{sequence.frame_ids[0]} to {sequence.frame_ids[-1]}"
         hint = "" if by_name else "; a file_name would say which frame is meant"
-        faults.add(where, f"no frame of that number; frames are {frames}{hint}")
+        faults.add(where, f"no frame of that number; frames are {span}{hint}")
     if (image.width, image.height) != (raw.width, raw.height):
         faults.add(where, f"is {image.width}x{image.height}, the camera's is {raw.width}x{raw.height}")
     return faults.problem_count == before

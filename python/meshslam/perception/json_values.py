@@ -18,9 +18,19 @@ def load_json(path: Path) -> Any:  # noqa: ANN401 # any JSON
     try:
         return json.loads(path.read_bytes())
     except OSError as error:
-        raise DetectionError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise unreadable(path, error) from None
     except (ValueError, RecursionError) as error:
-        raise DetectionError(f"{path}: is no JSON: {str(error)[: 2 * QUOTED]}") from None
+        raise not_json(path, error) from None
+
+
+def unreadable(path: Path, error: OSError) -> DetectionError:
+    """The error of a file that the disk does not give."""
+    return DetectionError(f"{path}: cannot be read: {error.strerror or error}")
+
+
+def not_json(path: Path, error: Exception) -> DetectionError:
+    """The error of a file that is no JSON."""
+    return DetectionError(f"{path}: is no JSON: {str(error)[: 2 * QUOTED]}")
 
 
 def quoted(value: object) -> str:

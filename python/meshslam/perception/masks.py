@@ -55,7 +55,7 @@ def decode_segmentation(segmentation: Segmentation, height: int, width: int) -> 
 
 def segmentation_area_px(segmentation: Segmentation, height: int, width: int) -> int:
     """Count the pixels of a checked segmentation without unpacking it."""
-    return int(_runs(segmentation, height, width)[1::2].sum())
+    return int(coco.area(_packed(segmentation, height, width)))
 
 
 def segmentation_box(segmentation: Segmentation, height: int, width: int) -> tuple[float, float, float, float]:

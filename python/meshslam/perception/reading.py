@@ -17,9 +17,10 @@ from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import CategoryEntry, Detection, DetectionSet, ImageEntry
 from meshslam.perception.faults import Faults
 from meshslam.perception.frame_matching import frames_of_images
+from meshslam.perception.json_document import Entries, load_with_entries
 from meshslam.perception.json_values import integer, is_name, kind, load_json, number, quoted, text
 from meshslam.perception.keypoint_names import ours
-from meshslam.perception.masks import is_finite_number, segmentation_box, segmentation_problem
+from meshslam.perception.masks import Segmentation, is_finite_number, segmentation_box, segmentation_problem
 from meshslam.perception.plausible import plausible
 from meshslam.perception.undistorting import undistorted_detections
 from meshslam.sequences import Report, Sequence
@@ -52,6 +53,7 @@ def read_recorded_detections(
     tracked: Collection[str] = VEHICLES,
     report: Report | None = None,
     prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> DetectionSet:
     """Read the detections that come with a recording: as `read_detections`, then made plausible.
 
@@ -63,9 +65,9 @@ def read_recorded_detections(
 
     `prepare` brings what another tool wrote to the contract before it is read; `renamed` None keeps all names then.
     Without a `report` the first problem is raised as DetectionError; with one, all problems and notes are put there,
-    and entries with problems are left out.
+    and entries with problems are left out. `progress` is told how many annotations are read, of how many.
     """
-    faults = Faults(Path(path), report)
+    faults = Faults(Path(path), report, progress=progress)
     names = renamed if prepare is not None else renamed or {}
     found, crowd = _read(faults, sequence, names, tracked, prepare)
     found = plausible(found, crowd, faults)
@@ -95,7 +97,8 @@ def _read(
     prepare: Callable[[dict[str, Any], Faults], dict[str, Any]] | None = None,
 ) -> tuple[DetectionSet, frozenset[int]]:
     """The detections, and the ids of those with iscrowd 1."""
-    root = faults.attempt("", lambda: _root(faults.path))
+    load = partial(load_with_entries, key="annotations") if prepare is None else load_json
+    root = faults.attempt("", lambda: _root(faults.path, load))
     if root is None:
         return DetectionSet((), (), ()), frozenset()
     root = root if prepare is None else prepare(root, faults)
@@ -117,8 +120,8 @@ def _read(
     return found, frozenset(reader.crowd)
 
 
-def _root(path: Path) -> dict[str, Any]:
-    root = load_json(path)
+def _root(path: Path, load: Callable[[Path], Any]) -> dict[str, Any]:
+    root = load(path)
     if not isinstance(root, dict):
         raise DetectionError(f"{path}: found {kind(root)}, expected an object with images, categories and annotations")
     return root
@@ -142,7 +145,7 @@ def _entries(
 ) -> tuple[Entry, ...]:
     """Read the list under `key`, each entry with its place in the message; ids must differ."""
     rows = root.get(key)
-    if not isinstance(rows, list):
+    if not isinstance(rows, list | Entries):
         faults.add(key, f"{'found ' + kind(rows) if key in root else 'is missing'}, expected a list")
         return ()
     entries: dict[int, Entry] = {}
@@ -155,6 +158,8 @@ def _entries(
         if entry.id in entries:
             faults.add(where, f"id: {entry.id} is used twice, expected one entry per id")
         entries.setdefault(entry.id, entry)
+        if faults.progress is not None and key == "annotations" and (index + 1) % 100 in (0, len(rows) % 100):
+            faults.progress(index + 1, len(rows))
     return tuple(entries.values())
 
 
@@ -191,6 +196,8 @@ class _AnnotationReader:
     outside: list[int] = field(default_factory=list)  # annotation ids, one entry per key point
     above_one: list[int] = field(default_factory=list)
     crowd: list[int] = field(default_factory=list)
+    sizes: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)  # of images, each held once
+    boxed: dict[tuple[int, int], list[int]] = field(default_factory=dict)  # as run lengths have them
 
     def read(self, row: dict[str, Any], where: str) -> Detection | None:
         """One annotation; None if it has problems that were collected."""
@@ -216,7 +223,7 @@ class _AnnotationReader:
         track = part(lambda: _track(row))
         if points is None or score is None or self.faults.problem_count > before or image.id not in self.frame_of_image:
             return None
-        size = (image.height, image.width)
+        size = self.sizes.setdefault((image.height, image.width), (image.height, image.width))
         self.crowd += [id_] if row.get("iscrowd") == 1 else []
         return Detection(
             id=id_,
@@ -224,7 +231,7 @@ class _AnnotationReader:
             category=self.name_of_category[category.id],
             score=score,
             bbox=box or segmentation_box(row["segmentation"], *size),
-            segmentation=row["segmentation"],
+            segmentation=self._shared(row["segmentation"]),
             image_size=size,
             keypoints=points[0],
             keypoint_scores=points[1],
@@ -232,6 +239,13 @@ class _AnnotationReader:
             viewing_angle_shares=shares,
             track_id=track,
         )
+
+    def _shared(self, segmentation: Segmentation) -> Segmentation:
+        """The same value; run lengths hold their size and their keys in common."""
+        if isinstance(segmentation, list) or list(segmentation) != ["size", "counts"]:
+            return segmentation
+        height, width = segmentation["size"]
+        return {"size": self.boxed.setdefault((height, width), [height, width]), "counts": segmentation["counts"]}
 
     def _is_told(self, row: dict[str, Any]) -> bool:
         """Whether the entry that an annotation belongs to has a problem, which was collected."""
@@ -254,8 +268,8 @@ class _AnnotationReader:
             expected = f"3 x {count} (x, y, v of each key point that `categories` names for {name})"
             raise DetectionError(f"keypoints: found {found}, expected {expected}")
         visibility = [_visibility(v) for v in flat[2::3]]
-        points = np.array([_coordinate(value, visibility[i // 2]) for i, value in enumerate(_without_v(flat))])
-        points = points.reshape(count, 2)
+        xs, ys = ([_coordinate(x, v) for x, v in zip(flat[k::3], visibility, strict=True)] for k in (0, 1))
+        points = np.array([xs, ys]).T.copy()  # of its own, in rows
         scores = self._keypoint_scores(row, id_, visibility)
         inside = ((points >= -0.5) & (points <= np.array([image.width, image.height]) - 0.5)).all(1)
         self.outside += [id_] * int((~inside & (scores > 0)).sum())
@@ -358,10 +372,6 @@ def _visibility(value: object) -> int:
     if not is_finite_number(value) or value not in SCORE_OF_VISIBILITY:
         raise DetectionError(f"keypoints: found v = {quoted(value)}, expected 0, 1 or 2")
     return int(value)
-
-
-def _without_v(flat: list[object]) -> list[object]:
-    return [value for i, value in enumerate(flat) if i % 3 != 2]
 
 
 def _coordinate(value: object, visibility: int) -> float:

@@ -109,7 +109,7 @@ def _map_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Cloc
     """The same where the run is not there yet."""
     recording, run = begun.recording.with_poses_only(), begun.run
     made = map_recording(recording, settings, outlet, run, clock)
-    stages.save(recording, made.frames, made.mapping, run)
+    stages.save(recording, made.frames, made.mapping, run, outlet)
     save_left_out_tracks(made.mapping, run, outlet)
     figures = stages.figures(recording, made.mapping, made.clock) | evaluate_run(recording.root, run.folder)
     shown = (recording, made.frames, made.mapping, settings.input.category)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Sequence as Rows
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from meshslam.errors import ConfigError, ModelError, SequenceError
@@ -28,6 +29,7 @@ from meshslam.perception import (
 )
 from meshslam.runs.config import Config
 from meshslam.runs.frame_store import FrameStore, one_set
+from meshslam.runs.memory import give_back_memory
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.track_store import TrackStore
 from meshslam.sequences import Sequence, turns
@@ -62,9 +64,10 @@ def perceive(
                 f"input.adapter: {given} is read, no network: leave the adapter out, or name the network (--segmenter)"
             )
         renamed, tracked = renamings(config.input.category_names), config.tracking.categories
-        found = read_recorded_detections(given, recording, renamed, tracked)
+        found = read_recorded_detections(given, recording, renamed, tracked, progress=partial(outlet.progress, "read"))
         for warning in found.warnings:
             outlet.note(warning)
+        give_back_memory()
         unused = untracked(found, tracked)
         if unused is not None:
             outlet.note(f"{given}: {unused}")

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Sequence as Rows
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from meshslam.categories import load_category
@@ -121,6 +122,7 @@ def _save(
         true_objects=truth.objects,
         path_errors=truth.errors,
         frames_in_report=outlet.frames_in_report,
+        progress=partial(outlet.progress, REPORT),
     )
     _save_charts(context, run)
     if can_record() and os.environ.get("MESHSLAM_RECORDING") != "0":

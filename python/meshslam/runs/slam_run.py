@@ -104,7 +104,7 @@ def _slam_into(begun: stages.Begun, settings: Config, outlet: Outlet, clock: Clo
         told = {"filtered": Trajectory(recording.times_s, result.filtered)}
     path, height = result.trajectory, recording.height_above_ground_m
     frames = CameraPath(recording.camera, recording.frame_ids, path.times_s, path.world_from_camera, height)
-    stages.save(recording, frames, result.mapping, run)
+    stages.save(recording, frames, result.mapping, run, outlet)
     sigmas = stages.save_estimate(result.estimate, run, outlet)
     save_left_out_tracks(result.mapping, run, outlet)
     figures = stages.figures(recording, result.mapping, clock) | result.figures | live | sigmas

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from collections.abc import Sequence as Rows
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.clock import Clock
 from meshslam.runs.config import Config
 from meshslam.runs.inputs import input_digests
+from meshslam.runs.memory import give_back_memory
 from meshslam.runs.opening import open_input
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.settings import to_yaml
@@ -102,8 +104,9 @@ def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet
     return correct_rotations(frames, recording.read_image, found.by_frame(), config.rotations, outlet.progress)
 
 
-def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: RunDirectory) -> None:
+def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: RunDirectory, outlet: Outlet) -> None:
     """Write what was estimated; the figures come last, so that a run with them is complete."""
+    give_back_memory()
     trajectory = Trajectory(frames.times_s, frames.world_from_camera)
     camera = camera_yaml(recording.camera, None, recording.imu_from_camera, recording.height_above_ground_m)
     names = ("camera.yaml", "trajectory.tum", "detections.json", "map.glb")
@@ -111,9 +114,11 @@ def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: R
     run.save("camera.yaml", camera)
     run.save("trajectory.tum", trajectory.to_tum())
     run.save("detections.json", written(recording, mapping.detections))
-    run.save_map(mapping.map)
+    run.save_map(mapping.map, partial(outlet.progress, "save"))
     saved = Map.load(run.folder), Trajectory.load(run.path("trajectory.tum"))  # as rounded on disk: the same bytes
     run.save("map.glb", to_glb(*saved))
+    del saved
+    give_back_memory()
 
 
 def save_estimate(estimate: TrajectoryEstimate | None, run: RunDirectory, outlet: Outlet) -> dict[str, float]:

@@ -53,6 +53,7 @@ class ReportContext:
     true_objects: tuple[TrueObject, ...] = ()
     path_errors: Mapping[str, Floats] = field(default_factory=lambda: MappingProxyType({}))  # see `runs.truth`
     frames_in_report: int = FRAMES_IN_REPORT  # with images; without them all frames are shown
+    progress: Callable[[int, int], None] | None = None  # frames that are drawn, of how many
 
     def __post_init__(self) -> None:
         if len(self.frame_ids) != len(self.world_from_camera):

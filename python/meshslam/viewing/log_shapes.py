@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from meshslam.viewing.run_log import Colouring
 LOW_SIGMA_M, HIGH_SIGMA_M = 0.01, 0.3  # ends of the scale of colours, which is logarithmic
 ELLIPSOID_SIGMAS = 3.0
 MIN_HALF_SIZE_M = 1e-4  # an ellipsoid without extent is not drawn by viewers
+MIN_OUTLINE_PX = 4.0  # radius of an object that is outlined: along a straight street all cars ahead are in view
 CHANGED_M = 0.005  # an object is told again when a vertex of it moved so far
 
 
@@ -47,11 +49,31 @@ def detection_colour(detection: Detection) -> Bytes:
 def mesh_outlines(camera: Camera, world_from_camera: Pose, objects: Sequence[MapObject]) -> dict[int, list[Floats]]:
     """Borders (n, 2) of what is visible of each object, px, by its id; objects that hide one another are told apart."""
     camera_from_world = world_from_camera.inverse()
-    meshes = [(camera_from_world @ thing.world_from_object, thing.vertices, thing.faces) for thing in objects]
+    things = _before(camera, camera_from_world, tuple(objects))
+    meshes = [(camera_from_world @ thing.world_from_object, thing.vertices, thing.faces) for thing in things]
     index = render(camera, meshes).object_index
-    shown = [(thing.id, (index == i).astype(np.uint8)) for i, thing in enumerate(objects) if (index == i).any()]
-    found = {number: mask_contours(mask) for number, mask in shown}
+    shown = np.unique(index[index >= 0]).tolist()
+    found = {things[i].id: mask_contours((index == i).astype(np.uint8)) for i in shown}
     return {number: borders for number, borders in found.items() if borders}
+
+
+def _before(camera: Camera, camera_from_world: Pose, objects: tuple[MapObject, ...]) -> list[MapObject]:
+    """The objects that may be in view and large enough: of a long drive's map they are few."""
+    centres, radii = _balls(objects)
+    x, y, z = camera_from_world.transform(centres).T
+    wide = (max(camera.cx, camera.width - camera.cx) + 1 + abs(camera.skew) * camera.height) / camera.fx
+    high = (max(camera.cy, camera.height - camera.cy) + 1) / camera.fy
+    deepest = z + radii
+    inside = (np.abs(x) - radii <= wide * deepest) & (np.abs(y) - radii <= high * deepest) & (deepest > 0)
+    inside &= radii * camera.fx >= MIN_OUTLINE_PX * deepest
+    return [objects[i] for i in np.flatnonzero(inside).tolist()]
+
+
+@lru_cache(maxsize=1)
+def _balls(objects: tuple[MapObject, ...]) -> tuple[Floats, Floats]:
+    """Centres (n, 3) in the world and radii (n,) of balls around meshes."""
+    centres = np.array([thing.world_from_object.translation for thing in objects]).reshape(-1, 3)
+    return centres, np.array([np.linalg.norm(thing.vertices, axis=1).max() for thing in objects])
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,8 +47,13 @@ def page_frames(context: ReportContext, indices: Sequence[int]) -> list[PageFram
     """Read each image once, a few at a time."""
     share = IMAGES_BYTES // max(1, len(indices))
     width = _image_width(context, indices, share)
+    frames = []
     with ThreadPoolExecutor(WORKERS) as workers:
-        return list(workers.map(lambda index: _frame(context, index, width, share), indices))
+        for frame in workers.map(lambda index: _frame(context, index, width, share), indices):
+            frames.append(frame)
+            if context.progress is not None:
+                context.progress(len(frames), len(indices))
+    return frames
 
 
 def frames_data(context: ReportContext, frames: Sequence[PageFrame], origin: Floats) -> dict[str, Any]:
