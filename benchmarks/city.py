@@ -198,8 +198,8 @@ def main() -> None:
     lost = a.work / "case_without_start"
     shutil.copytree(case, lost, dirs_exist_ok=True)
     (lost / "initial_state.yaml").unlink(missing_ok=True)
-    wall_s, peak_mb, found = localized(lost, large.folder, a.work / "run_lost")
-    print(f"  localize: {wall_s:.1f} s, {peak_mb:.0f} MB, ATE {found['ate_rmse_m']:.4f} m")
+    wall_s, peak_mb, of_lost = localized(lost, large.folder, a.work / "run_lost")
+    print(f"  localize: {wall_s:.1f} s, {peak_mb:.0f} MB, ATE {of_lost['ate_rmse_m']:.4f} m")
     rows: dict[str, list[tuple[float, float, dict[str, float]]]] = {"hundred": [], "city": []}
     for k in range(a.rounds):
         for name, scene in (("hundred", small), ("city", large)):
@@ -223,7 +223,7 @@ def main() -> None:
             "localize_memory_ratio": ratios[1],
             "ate_m": rows["city"][-1][2]["ate_rmse_m"],
             "search_s": search_s,
-            "ate_without_start_m": found["ate_rmse_m"],
+            "ate_without_start_m": of_lost["ate_rmse_m"],
         }
         record("localize in a city", "benchmarks/city.py", figures)
         print(json.dumps(figures))

@@ -72,9 +72,10 @@ def pose_score(known, seen, end, pairs, rules, keep):
             if laid is not None:
                 yaw, shift, turn_variance, scale, cost = laid
                 middle = (seen.places[a] + seen.places[b])[:2] / 2
-                score = _score(known, seen, yaw, shift, middle, turn_variance, scale, rules) - cost
+                shown = dict(zip(end, (i, j), strict=True))
+                score = _score(known, seen, yaw, shift, middle, turn_variance, scale, rules, shown) - cost
                 if score > 0:
-                    found.append((score, yaw, *shift, scale))
+                    found.append((score, (yaw + np.pi) % (2 * np.pi) - np.pi, *shift, scale))
     found.sort(key=lambda row: (-row[0], *row[1:]))
     return np.array(found[:keep]).reshape(-1, 5)
 
@@ -112,14 +113,14 @@ def _turn(point, yaw):
     return np.array([np.cos(yaw) * point[0] - np.sin(yaw) * point[1], np.sin(yaw) * point[0] + np.cos(yaw) * point[1]])
 
 
-def _score(known, seen, yaw, shift, middle, turn_variance, scale, rules):
+def _score(known, seen, yaw, shift, middle, turn_variance, scale, rules, shown):
     total = 0.0
     for s in range(len(seen)):
         place = scale * _turn(seen.places[s, :2], yaw) + shift
         lever = np.linalg.norm(seen.places[s, :2] - middle)
         own = rules.place_variance_m2 + seen.sigmas_m[s] ** 2 + lever**2 * (rules.drift_share**2 + turn_variance)
         best = 0.0
-        for k in range(len(known)):
+        for k in [shown[s]] if s in shown else range(len(known)):
             gap = ((known.places[k, :2] - place) ** 2).sum()
             variance = own + known.sigmas_m[k] ** 2
             turn = _apart(known.yaws_rad[k], seen.yaws_rad[s] + yaw) / rules.heading_sigma_rad

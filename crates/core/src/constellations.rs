@@ -68,16 +68,33 @@ pub struct Candidate {
     pub scale: f64,
 }
 
+/// An object with its heading as a direction.
+#[derive(Debug, Clone, Copy)]
+struct Ready {
+    place: [f64; 2],
+    heading: [f64; 2],
+    log_size: [f64; 3],
+    variance_m2: f64,
+}
+
+impl Ready {
+    fn of(object: &Parked) -> Self {
+        let (sine, cosine) = object.yaw_rad.sin_cos();
+        let Parked { place, log_size, variance_m2, .. } = *object;
+        Self { place, heading: [cosine, sine], log_size, variance_m2 }
+    }
+}
+
 /// Objects of a map, sorted by square cells of the ground.
 #[derive(Debug, Clone)]
 pub struct ParkedMap {
-    objects: Vec<Parked>,
+    objects: Vec<Ready>,
     low: [f64; 2],
     cell_m: f64,
     columns: usize,
     rows: usize,
-    begins: Vec<u32>,    // of each cell in `sorted`, and the end
-    sorted: Vec<Parked>, // by cell
+    begins: Vec<u32>,   // of each cell in `sorted`, and the end
+    sorted: Vec<Ready>, // by cell
 }
 
 impl ParkedMap {
@@ -95,6 +112,7 @@ impl ParkedMap {
         let widest = (high[0] - low[0]).max(high[1] - low[1]) / MOST_CELLS;
         let cell_m = REACH_M.max((area / MOST_CELLS).sqrt()).max(widest);
         let [columns, rows] = [0, 1].map(|axis| floor((high[axis] - low[axis]) / cell_m) as usize + 1);
+        let objects = objects.iter().map(Ready::of).collect();
         let mut map = Self { objects, low, cell_m, columns, rows, begins: vec![], sorted: vec![] };
         let cells: Vec<usize> = map.objects.iter().map(|o| map.cell(o.place)).collect();
         map.begins = vec![0; columns * rows + 1];
@@ -119,7 +137,7 @@ impl ParkedMap {
     }
 
     /// Objects in the cell of a place and in those about it.
-    fn near(&self, place: [f64; 2]) -> impl Iterator<Item = &Parked> {
+    fn near(&self, place: [f64; 2]) -> impl Iterator<Item = &Ready> {
         let [i, j] = [0, 1].map(|axis| floor((place[axis] - self.low[axis]) / self.cell_m));
         let span = |x: i64, count: usize| {
             let (first, end) = ((x - 1).max(0), (x + 2).min(count as i64));
@@ -160,17 +178,22 @@ impl ParkedMap {
                 return Err(Error::Index { what, index, count });
             }
         }
-        let blocks: Vec<(usize, &[[i32; 2]])> =
-            pairs.iter().enumerate().flat_map(|(q, rows)| rows.chunks(BLOCK).map(move |block| (q, block))).collect();
+        let seen: Vec<Ready> = seen.iter().map(Ready::of).collect();
+        let laying: Vec<Laying> = ends.iter().map(|ends| Laying::of(&seen, *ends, rules)).collect();
+        let blocks: Vec<(&Laying, &[[i32; 2]])> = laying
+            .iter()
+            .zip(pairs)
+            .flat_map(|(laying, rows)| rows.chunks(BLOCK).map(move |block| (laying, block)))
+            .collect();
         let found: Vec<Vec<Candidate>> =
-            blocks.par_iter().map(|(q, block)| self.of_block(seen, ends[*q], block, rules, keep)).collect();
+            blocks.par_iter().map(|(laying, block)| self.of_block(&seen, laying, block, rules, keep)).collect();
         Ok(best(found.into_iter().flatten().collect(), keep))
     }
 
     fn of_block(
         &self,
-        seen: &[Parked],
-        ends: [usize; 2],
+        seen: &[Ready],
+        laying: &Laying,
         block: &[[i32; 2]],
         rules: &Rules,
         keep: usize,
@@ -178,12 +201,12 @@ impl ParkedMap {
         let (mut found, odds) = (Vec::new(), Odds::of(rules));
         for [i, j] in block {
             for at in [[*i, *j], [*j, *i]] {
-                let pair = at.map(|k| self.objects[k as usize]);
-                if let Some(laid) = Laid::of(pair, seen, ends, rules) {
-                    let score = self.score(seen, &laid, &odds);
+                let pair = at.map(|k| &self.objects[k as usize]);
+                if let Some(laid) = laying.on(pair) {
+                    let score = self.score(seen, laying.ends, pair, &laid, &odds);
                     if score > 0.0 {
-                        let Laid { yaw_rad, shift, scale, .. } = laid;
-                        found.push(Candidate { score, yaw_rad, shift, scale });
+                        let Laid { turn, shift, scale, .. } = laid;
+                        found.push(Candidate { score, yaw_rad: turn[1].atan2(turn[0]), shift, scale });
                     }
                 }
             }
@@ -194,31 +217,48 @@ impl ParkedMap {
         best(found, keep)
     }
 
-    fn score(&self, seen: &[Parked], laid: &Laid, odds: &Odds) -> f64 {
+    /// What speaks for a place: the pair that it is made by, and the best for each of the others.
+    fn score(&self, seen: &[Ready], ends: [usize; 2], pair: [&Ready; 2], laid: &Laid, odds: &Odds) -> f64 {
         let spread = odds.rules.drift_share.powi(2) + laid.turn_variance;
         let log_scale = laid.scale.ln();
         let total: f64 = seen
             .iter()
-            .map(|s| {
+            .enumerate()
+            .map(|(index, s)| {
                 let (place, lever) = (laid.transform(s.place), between(s.place, laid.middle));
                 let lever_m2 = lever[0] * lever[0] + lever[1] * lever[1];
                 let variance = odds.rules.place_variance_m2 + s.variance_m2 + lever_m2 * spread;
-                let here = Parked {
+                let here = Ready {
                     place,
-                    yaw_rad: s.yaw_rad + laid.yaw_rad,
+                    heading: turned(s.heading, laid.turn),
                     log_size: s.log_size.map(|size| size + log_scale),
                     variance_m2: variance,
                 };
-                self.near(place).map(|k| odds.gain(k, &here)).fold(0.0, f64::max)
+                match ends.iter().position(|end| *end == index) {
+                    Some(end) => odds.gain(pair[end], &here).max(0.0),
+                    None => self.near(place).map(|k| odds.gain(k, &here)).fold(0.0, f64::max),
+                }
             })
             .sum();
         total - laid.scale_cost
     }
 }
 
-/// A pose by two objects that are laid on two of the map.
+/// Two of the seen objects, which are laid on pairs of the map.
+struct Laying {
+    ends: [usize; 2],
+    own: [Ready; 2],
+    length: f64,
+    direction: [f64; 2], // from the first to the second
+    middle: [f64; 2],
+    variance: f64, // of the difference of their distance and another pair's, without that pair's own
+    size: f64,
+    heading_variance: f64,
+    prior: f64, // of the scale
+}
+
+/// A place by two objects that are laid on two of the map.
 struct Laid {
-    yaw_rad: f64,
     turn: [f64; 2], // cosine, sine
     shift: [f64; 2],
     middle: [f64; 2],   // of the seen pair
@@ -227,49 +267,71 @@ struct Laid {
     scale_cost: f64,
 }
 
-impl Laid {
-    /// None where the two pairs cannot be the same.
-    fn of(pair: [Parked; 2], seen: &[Parked], ends: [usize; 2], rules: &Rules) -> Option<Self> {
-        let own = ends.map(|s| seen[s]);
-        let size = SIGMAS * (rules.size_variance + rules.scale_sigma * rules.scale_sigma).sqrt();
-        let alike = |k: &Parked, s: &Parked| k.log_size.iter().zip(&s.log_size).all(|(a, b)| (a - b).abs() <= size);
-        if !(alike(&pair[0], &own[0]) && alike(&pair[1], &own[1])) {
-            return None;
-        }
-        let (of_known, of_seen) = (between(pair[0].place, pair[1].place), between(own[0].place, own[1].place));
-        let (length, seen_length) = (of_known[0].hypot(of_known[1]), of_seen[0].hypot(of_seen[1]));
-        if length < NEAREST_M || seen_length < NEAREST_M {
-            return None;
-        }
+impl Laying {
+    fn of(seen: &[Ready], ends: [usize; 2], rules: &Rules) -> Self {
+        let own = ends.map(|end| seen[end]);
+        let [x, y] = between(own[0].place, own[1].place);
+        let length = x.hypot(y);
         let variance = 2.0 * rules.place_variance_m2
-            + pair.iter().chain(&own).map(|o| o.variance_m2).sum::<f64>()
-            + (rules.drift_share * seen_length).powi(2);
-        // The scale: the prior about 1, and what the pair's length says
-        let (prior, measured) = (rules.scale_sigma * rules.scale_sigma, variance / (seen_length * seen_length));
-        let away = length / seen_length - 1.0;
-        if away.abs() > SIGMAS * (prior + measured).sqrt() {
-            return None;
+            + own.iter().map(|o| o.variance_m2).sum::<f64>()
+            + (rules.drift_share * length).powi(2);
+        let prior = rules.scale_sigma * rules.scale_sigma;
+        Self {
+            ends,
+            own,
+            length,
+            direction: [x / length, y / length],
+            middle: half(own[0].place, own[1].place),
+            variance,
+            size: SIGMAS * (rules.size_variance + prior).sqrt(),
+            heading_variance: 2.0 * rules.heading_sigma_rad.powi(2),
+            prior,
         }
-        let scale = (1.0 + away * prior / (prior + measured)).max(LEAST_SCALE);
-        let scale_cost = 0.5 * away * away / (prior + measured);
-        let yaw_rad = of_known[1].atan2(of_known[0]) - of_seen[1].atan2(of_seen[0]);
-        let turn_variance = variance / (seen_length * seen_length);
-        let most_rad = SIGMAS * (2.0 * rules.heading_sigma_rad.powi(2) + turn_variance).sqrt();
-        if pair.iter().zip(&own).any(|(k, s)| headings_apart(k.yaw_rad, s.yaw_rad + yaw_rad).abs() > most_rad) {
-            return None;
-        }
-        let (sine, cosine) = yaw_rad.sin_cos();
-        let middle = half(own[0].place, own[1].place);
-        let turn = [cosine, sine];
-        let mut laid = Self { yaw_rad, turn, shift: [0.0; 2], middle, turn_variance, scale, scale_cost };
-        let (there, here) = (half(pair[0].place, pair[1].place), laid.transform(middle));
-        laid.shift = [there[0] - here[0], there[1] - here[1]];
-        Some(laid)
     }
 
+    /// None where the two pairs cannot be the same.
+    fn on(&self, pair: [&Ready; 2]) -> Option<Laid> {
+        let alike = |k: &Ready, s: &Ready| k.log_size.iter().zip(&s.log_size).all(|(a, b)| (a - b).abs() <= self.size);
+        if !(alike(pair[0], &self.own[0]) && alike(pair[1], &self.own[1])) {
+            return None;
+        }
+        let [x, y] = between(pair[0].place, pair[1].place);
+        let length = (x * x + y * y).sqrt();
+        if length < NEAREST_M || self.length < NEAREST_M {
+            return None;
+        }
+        // The scale: the prior about 1, and what the pair's length says
+        let measured = (self.variance + pair[0].variance_m2 + pair[1].variance_m2) / (self.length * self.length);
+        let away = length / self.length - 1.0;
+        let spread = self.prior + measured;
+        if away * away > SIGMAS * SIGMAS * spread {
+            return None;
+        }
+        let turn = turned([x / length, y / length], [self.direction[0], -self.direction[1]]);
+        let most_rad = SIGMAS * (self.heading_variance + measured).sqrt();
+        let most = most_rad.min(PI / 2.0).sin();
+        if pair.iter().zip(&self.own).any(|(k, s)| cross(k.heading, turned(s.heading, turn)).abs() > most) {
+            return None;
+        }
+        let scale = (1.0 + away * self.prior / spread).max(LEAST_SCALE);
+        let mut laid = Laid {
+            turn,
+            shift: [0.0; 2],
+            middle: self.middle,
+            turn_variance: measured,
+            scale,
+            scale_cost: 0.5 * away * away / spread,
+        };
+        let (there, here) = (half(pair[0].place, pair[1].place), laid.transform(self.middle));
+        laid.shift = between(here, there);
+        Some(laid)
+    }
+}
+
+impl Laid {
     fn transform(&self, p: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.turn.map(|x| self.scale * x);
-        [c * p[0] - s * p[1] + self.shift[0], s * p[0] + c * p[1] + self.shift[1]]
+        let [x, y] = turned(p, self.turn);
+        [self.scale * x + self.shift[0], self.scale * y + self.shift[1]]
     }
 }
 
@@ -289,14 +351,14 @@ impl<'a> Odds<'a> {
     }
 
     /// Logarithm of the odds that an object of the map is the seen one, laid in it; 0 beyond the gate.
-    fn gain(&self, known: &Parked, seen: &Parked) -> f64 {
+    fn gain(&self, known: &Ready, seen: &Ready) -> f64 {
         let away = between(known.place, seen.place);
         let gap = away[0] * away[0] + away[1] * away[1];
         let (variance, most) = (seen.variance_m2 + known.variance_m2, self.rules.gate * self.rules.gate);
         if gap > most * variance || gap > REACH_M * REACH_M {
             return 0.0;
         }
-        let turn = headings_apart(known.yaw_rad, seen.yaw_rad) / self.rules.heading_sigma_rad;
+        let turn = headings_apart(known.heading, seen.heading) / self.rules.heading_sigma_rad;
         let miss = gap / variance + 0.5 * turn * turn;
         if miss > most {
             return 0.0;
@@ -317,8 +379,19 @@ fn best(mut found: Vec<Candidate>, keep: usize) -> Vec<Candidate> {
     found
 }
 
-fn headings_apart(one_rad: f64, other_rad: f64) -> f64 {
-    (one_rad - other_rad + PI / 2.0).rem_euclid(PI) - PI / 2.0
+/// Angle between two headings, radians, at most a quarter turn: an object taken the wrong way round has the same.
+fn headings_apart(one: [f64; 2], other: [f64; 2]) -> f64 {
+    cross(one, other).abs().min(1.0).asin()
+}
+
+fn cross(one: [f64; 2], other: [f64; 2]) -> f64 {
+    one[0] * other[1] - one[1] * other[0]
+}
+
+/// A direction, or a place, turned by an angle of a cosine and a sine.
+fn turned(p: [f64; 2], turn: [f64; 2]) -> [f64; 2] {
+    let [c, s] = turn;
+    [c * p[0] - s * p[1], s * p[0] + c * p[1]]
 }
 
 fn between(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {

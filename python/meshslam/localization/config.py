@@ -55,7 +55,7 @@ class ObservationNoiseConfig(Settings):
 
 # A map of a few seconds has a scale that is known to some percent, and most of the cars about it are yet to be seen
 OF_FEW_SECONDS = ConstellationConfig(
-    scale_sigma=0.04, unshared_cost=0.0, candidates=32, min_evidence=3.0, min_agreement=3.5, max_ambiguity=0.4
+    scale_sigma=0.04, unshared_cost=0.0, candidates=16, min_evidence=3.0, min_agreement=3.5, max_ambiguity=0.4
 )
 
 

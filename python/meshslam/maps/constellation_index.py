@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import hashlib
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,8 +60,9 @@ class Shard:
         return self.pairs[first : bisect.bisect_right(rows, high_m, key=self._distance_m)]
 
     def _distance_m(self, row: int) -> float:
-        one, other = self.cars["place"][self.pairs[row], :2]
-        return float(np.hypot(*(one - other)))
+        i, j = self.pairs[row].tolist()
+        one, other = self.cars["place"][i].tolist(), self.cars["place"][j].tolist()
+        return math.hypot(one[0] - other[0], one[1] - other[1])
 
 
 class ConstellationIndex:

@@ -15,7 +15,7 @@ from meshslam.maps.constellation_votes import Pairs, extent_m, slack_m
 from meshslam.maps.constellations import ConstellationMatch, decided, differ, refused
 from meshslam.maps.neighbours import GroundGrid
 
-_MOST_PAIRS = 6  # of the handful that are looked up
+_MOST_PAIRS = 3  # of the handful that are looked up
 _SIGMAS = 2.5  # by which a distance may be off
 _KEPT = 64  # candidates of a shard
 
@@ -54,7 +54,7 @@ def find_constellation(
 
 def _chosen(pairs: Pairs, seen: Constellation, config: ConstellationConfig) -> Ints:
     """The pairs of `seen` that tell a pose best, no object in many of them: some may not be in the map."""
-    slack = slack_m(seen, seen, pairs, config)
+    slack = _slack_m(seen, seen, pairs, config)
     vagueness = slack * slack / pairs.distance_m  # how many pairs are about as far apart, and how well they tell a turn
     used, chosen = np.zeros(len(seen)), list[int]()
     for _ in range(min(_MOST_PAIRS, len(slack))):
@@ -69,10 +69,16 @@ def _candidates(shard: Shard, seen: Constellation, pairs: Pairs, rows: Ints, con
     """The best places (k, 5) of `seen` among a shard's objects: score, turn, shift, scale."""
     known = shard.constellation
     distance = pairs.distance_m[rows]
-    slack = np.hypot(slack_m(known, seen, pairs, config)[rows], _SIGMAS * config.scale_sigma * distance)
+    slack = _slack_m(known, seen, pairs, config)[rows]
     looked_up = [shard.pairs_between(d - s, d + s) for d, s in zip(distance.tolist(), slack.tolist(), strict=True)]
     ends = list(zip(pairs.first[rows].tolist(), pairs.second[rows].tolist(), strict=True))
     return ParkedMap(_rows(known)).candidates(_rows(seen), ends, looked_up, _rules(config), _KEPT)
+
+
+def _slack_m(known: Constellation, seen: Constellation, pairs: Pairs, config: ConstellationConfig) -> Floats:
+    """By how much the distance of two objects may differ, with a scale that is not known."""
+    found: Floats = np.hypot(slack_m(known, seen, pairs, config), _SIGMAS * config.scale_sigma * pairs.distance_m)
+    return found
 
 
 def _rows(seen: Constellation) -> Floats:
