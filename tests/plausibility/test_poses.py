@@ -58,6 +58,16 @@ def test_real_poses_raise_nothing(data_folder, drive_path):
     assert judge_poses(open_sequence(data_folder / drive_path).world_from_camera, "poses") == []
 
 
+@pytest.mark.data
+@pytest.mark.parametrize("drive", ["00", "06", "07"])
+@pytest.mark.parametrize("frames", [17, 24])
+def test_no_short_part_of_real_poses_is_refused(data_folder, drive, frames):
+    rows = np.loadtxt(data_folder / "kitti_odometry" / "poses" / f"{drive}.txt").reshape(-1, 3, 4)[:1100]
+    poses = [Pose(WORLD_FROM_FORWARD @ row[:, :3], row[:, 3]) for row in rows]
+    parts = (tuple(poses[k : k + frames]) for k in range(0, len(poses) - frames, 10))
+    assert [found.message for part in parts for found in judge_poses(part, "poses")] == []
+
+
 def test_a_camera_that_is_really_tilted_is_a_note(drive):
     down = Pose(exp_so3(np.array([-1.2, 0.0, 0.0])), np.zeros(3))
     (found,) = judge_poses(tuple(p @ down for p in drive), "poses.tum")
