@@ -218,3 +218,14 @@ def test_the_core_refuses_what_is_no_object():
         ParkedMap(rows).candidates(rows, [(0, 1)], [], rules, 1)
     assert len(ParkedMap(rows).candidates(rows, [(0, 1)], [pair], rules, 1)) == 0  # two objects at one place
     assert len(ParkedMap(np.zeros((0, 7))).candidates(rows, [(0, 1)], [pair[:0]], rules, 1)) == 0
+
+
+def test_a_change_beside_a_shard_changes_its_pairs(tmp_path):
+    """Two cars on both sides of a shard's border: the pair is the shard's whose car has the lesser id."""
+    city = TiledMap.create(tmp_path / "city", tile_m=TILE_M)
+    border_m = SHARD_TILES * TILE_M
+    city.put([car(1, (border_m - 5.0, 10.0), 0.0, 1.0), car(2, (border_m + 5.0, 10.0), 0.0, 1.0)])
+    assert [len(shard.pairs) for shard in city.constellations(RADIUS_M).shards()] == [1, 0]
+    city.remove([2])
+    city.put([car(3, (border_m + 90.0, 10.0), 0.0, 1.0)])
+    assert [len(shard.pairs) for shard in city.constellations(RADIUS_M).shards()] == [0, 0]
