@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.geometry import Pose
-from meshslam.objects.heading import heading_cost, likelihood, viewing_angle_rad
+from meshslam.objects.heading import heading_cost, likelihood, reversed_probability, viewing_angle_rad
 from meshslam.objects.start_search import flipped
 
 
@@ -38,3 +38,21 @@ def test_the_right_way_round_is_cheaper_and_nothing_is_said_without_angles():
     assert heading_cost(track, pose) < 0 < heading_cost(track, flipped(pose))
     silent = SimpleNamespace(viewing_angle_shares=None)
     assert heading_cost(SimpleNamespace(detections=(silent,), world_from_camera=(eye,)), pose) == 0
+
+
+@pytest.mark.parametrize("rear", [0.0, 0.1, 0.3, 0.5])
+def test_angles_that_hold_two_opposite_sides_leave_the_heading_in_doubt(rear):
+    """One detection: the probability of the other way round is the distribution's mass there, over both."""
+    eye, pose = Pose(np.eye(3), np.zeros(3)), Pose.from_yaw(0.3, np.array([10.0, 1, 0]))
+    away = 2 * np.pi * np.arange(36) / 36 - viewing_angle_rad(eye, pose)
+    peak = np.exp(20 * np.cos(away))
+    shares = (1 - rear) * peak / peak.sum() + rear * np.exp(20 * np.cos(away - np.pi)) / peak.sum()
+    track = SimpleNamespace(detections=(SimpleNamespace(viewing_angle_shares=shares),), world_from_camera=(eye,))
+    assert reversed_probability(track, pose) == pytest.approx(rear, abs=0.01)
+    assert reversed_probability(track, flipped(pose)) == pytest.approx(1 - rear, abs=0.01)
+
+
+def test_no_angles_tell_no_probability():
+    silent = SimpleNamespace(viewing_angle_shares=None)
+    track = SimpleNamespace(detections=(silent,), world_from_camera=(Pose(np.eye(3), np.zeros(3)),))
+    assert reversed_probability(track, Pose.from_yaw(0.3, np.ones(3))) is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.motion import ImuConfig
-from meshslam.runs import imu_notes, object_notes, scale_notes
+from meshslam.runs import heading_notes, imu_notes, object_notes, scale_notes
 from meshslam.sequences import ImuSamples
 
 
@@ -42,3 +42,11 @@ def test_a_scale_that_follows_from_sizes_alone_is_said(drive):
     (note,) = scale_notes(images_alone)
     assert "height_above_ground_m in a camera.yaml" in note
     assert scale_notes(dataclasses.replace(images_alone, height_above_ground_m=1.65)) == []
+
+
+def test_objects_that_may_face_the_other_way_are_named_with_the_probability():
+    assert heading_notes({1: 0.02, 7: 0.41, 3: 0.12}) == [
+        f"object {number}: front and rear may be exchanged (probability {p}): the viewing angles of its "
+        "detections do not decide"
+        for number, p in ((3, "0.12"), (7, "0.41"))
+    ]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshslam.simulation.cars import make_cars
-from meshslam.training.pictures import Album, draw_pictures, packed, samples_of
+from meshslam.training.pictures import Album, draw_chunk, draw_pictures, packed, samples_of
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +46,16 @@ def test_the_box_is_that_of_the_pixels_that_are_seen(album):
     samples = samples_of(np.random.default_rng(6), album, [0] * 30)
     sides = samples.boxes_px.max(1)
     assert ((sides > 30) & (sides < 140)).all()
+
+
+def test_a_chunk_is_of_the_vehicles_that_it_is_asked_for():
+    made = []
+
+    def make(seed, count):
+        made.append((seed, count))
+        return make_cars(5, 1)
+
+    first, other = draw_chunk(3, 2, 1, make), draw_chunk(4, 2, 1, make)
+    assert len(first) == 2
+    assert made[0] != made[1]
+    assert not np.array_equal(first.angles_rad, other.angles_rad)

@@ -10,7 +10,7 @@ from tests.cli.conftest import meshslam
 torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from meshslam.training.pictures import Album, draw_chunk, samples_of  # noqa: E402
-from meshslam.training.train import TrainingConfig, evaluate, export, learn  # noqa: E402
+from meshslam.training.train import TrainingConfig, evaluate, export, held_out, learn  # noqa: E402
 
 SMALL = TrainingConfig(epochs=4, batch=8)
 
@@ -58,9 +58,21 @@ def test_what_is_learnt_by_heart_is_known(album, tmp_path):
     assert known.angle_median_deg < 20
 
 
+def test_cars_and_a_fleet_are_learnt_together_and_scored_apart(album, tmp_path):
+    """The first chunks of each are kept; a fleet keeps as large a share as the cars, at least one chunk."""
+    config = TrainingConfig(chunks=3, fleet_chunks=2, held_out_chunks=1)
+    paths = [tmp_path / f"{i}.npz" for i in range(5)]
+    for path in paths:
+        np.savez(path, **vars(album._pictures))
+    learnt, kept = held_out(paths[:3], paths[3:], config)
+    assert len(learnt) == 3 * len(album)
+    assert {kind: len(samples) for kind, samples in kept.items()} == {"cars": len(album), "fleet": len(album)}
+    assert not np.array_equal(kept["cars"].cuts, kept["fleet"].cuts)  # each in a way of its own
+
+
 def test_the_command_draws_learns_exports_and_says_how_good_it_is(tmp_path):
     arguments = ["train-keypoints", "--out", str(tmp_path), "--chunks", "2", "--chunk-size", "32", "--held-out", "1"]
-    done = meshslam(*arguments, "--epochs", "2")
+    done = meshslam(*arguments, "--fleet-chunks", "0", "--epochs", "2")
     assert done.returncode == 0, done.stderr
     assert "pck: " in done.stdout
     KeypointFinder(KeypointConfig(model=str(tmp_path / "car_keypoints.onnx"), threads=1))

@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from meshslam.categories.from_meshes import MeshOptions, category_from_meshes
     from meshslam.categories.keypoints import KEYPOINT_NAMES, keypoint_order
     from meshslam.categories.procedural.car import CarShape
+    from meshslam.categories.procedural.heavy import draw_bus, draw_truck
     from meshslam.categories.procedural.solid import distance_and_normal, project
     from meshslam.categories.procedural.styles import CLASSES, CarClass, draw_car, draw_of_class
+    from meshslam.categories.procedural.vans import VANS, Van, draw_of_van, draw_van
     from meshslam.categories.shrinkwrap import Wrapper, carry
     from meshslam.categories.spheres import icosphere, subdivide
     from meshslam.categories.template import car_template, middle_car
@@ -24,8 +26,10 @@ else:
             "from_meshes": "MeshOptions category_from_meshes",
             "keypoints": "KEYPOINT_NAMES keypoint_order",
             "procedural.car": "CarShape",
+            "procedural.heavy": "draw_bus draw_truck",
             "procedural.solid": "distance_and_normal project",
             "procedural.styles": "CLASSES CarClass draw_car draw_of_class",
+            "procedural.vans": "VANS Van draw_of_van draw_van",
             "shrinkwrap": "Wrapper carry",
             "spheres": "icosphere subdivide",
             "template": "car_template middle_car",
@@ -35,10 +39,12 @@ else:
 __all__ = [
     "CLASSES",
     "KEYPOINT_NAMES",
+    "VANS",
     "CarClass",
     "CarShape",
     "Category",
     "MeshOptions",
+    "Van",
     "Wrapper",
     "build_family",
     "car_template",
@@ -48,8 +54,12 @@ __all__ = [
     "category_names",
     "category_of",
     "distance_and_normal",
+    "draw_bus",
     "draw_car",
     "draw_of_class",
+    "draw_of_van",
+    "draw_truck",
+    "draw_van",
     "icosphere",
     "keypoint_order",
     "load_category",

@@ -11,13 +11,16 @@ import typer
 def train_keypoints(
     out: Annotated[Path, typer.Option(help="Folder for the pictures, the checkpoint and the network.")],
     seed: Annotated[int, typer.Option(help="Decides cars, scenes and weights.")] = 1,
-    chunks: Annotated[int, typer.Option(help="How many chunks of pictures are drawn.", min=2)] = 45,
-    chunk_size: Annotated[int, typer.Option(help="Pictures of a chunk, of the same 16 cars.", min=32)] = 400,
-    held_out: Annotated[int, typer.Option(help="Chunks of them that are kept for the figures.", min=1)] = 5,
+    chunks: Annotated[int, typer.Option(help="How many chunks of pictures of cars are drawn.", min=2)] = 35,
+    fleet_chunks: Annotated[int, typer.Option(help="And of vans, trucks, buses and cars together.", min=0)] = 14,
+    chunk_size: Annotated[int, typer.Option(help="Pictures of a chunk, of the same 16 vehicles.", min=32)] = 400,
+    held_out: Annotated[
+        int, typer.Option(help="Chunks of cars that are kept for the figures; of the fleet in proportion.", min=1)
+    ] = 5,
     epochs: Annotated[int, typer.Option(help="Passes over the pictures, each in another way.", min=1)] = 9,
     workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
 ) -> None:
-    """Train the network that finds the key points of cars, on drawn cars alone. Needs the extra `train` (PyTorch).
+    """Train the network that finds the key points of vehicles, on drawn ones alone. Needs the extra `train` (PyTorch).
 
     The same command goes on where it was cut short. The defaults give the network that is shipped.
 
@@ -38,13 +41,24 @@ def train_keypoints(
 
     if held_out >= chunks:
         raise ModelError(f"--held-out {held_out}: of {chunks} chunks none is left to learn from")
-    config = TrainingConfig(seed=seed, chunks=chunks, chunk_size=chunk_size, held_out_chunks=held_out, epochs=epochs)
+    config = TrainingConfig(
+        seed=seed,
+        chunks=chunks,
+        fleet_chunks=fleet_chunks,
+        chunk_size=chunk_size,
+        held_out_chunks=held_out,
+        epochs=epochs,
+    )
+    if fleet_chunks and config.held_out_fleet_chunks >= fleet_chunks:
+        raise ModelError(f"--held-out {held_out}: of {fleet_chunks} chunks of the fleet none is left to learn from")
     out.mkdir(parents=True, exist_ok=True)
     with locked(out / LOCK, str(out), ModelError), progress_bars() as bars:
-        paths = draw_chunks(out / "pictures", seed, chunks, config.chunk_size, workers, bars)
-        learnt, kept = split(paths, config)
+        cars = draw_chunks(out / "pictures", seed, chunks, chunk_size, workers, bars)
+        fleet = draw_chunks(out / "pictures", seed, fleet_chunks, chunk_size, workers, bars, "fleet")
+        learnt, kept = split(cars, fleet, config)
         network = learn(learnt, config, out / "checkpoint.pt", bars)
     export(network, out / "car_keypoints.onnx")
-    for key, value in asdict(evaluate(network, kept)).items():
-        print(f"{key}: {value:.4f}")
+    for kind, samples in kept.items():
+        for key, value in asdict(evaluate(network, samples)).items():
+            print(f"{kind}: {key}: {value:.4f}")
     print(f"{out / 'car_keypoints.onnx'}: give it as keypoints.model in the configuration")

@@ -11,7 +11,7 @@ from meshslam.mapping.judgement import why_unfit
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, mean_iou
 from meshslam.maps import MapObject
-from meshslam.objects import Scene, TrackObservations, centred, fit_modes, uncertainty
+from meshslam.objects import Scene, TrackObservations, centred, fit_modes, reversed_probability, uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +22,7 @@ class Finished:
     unfit: LeftOut | None = None  # why it is no object of the map
     object: MapObject | None = None
     ious: tuple[float, ...] = ()  # as `mean_ious` names them
+    reversed_probability: float | None = None  # that it faces the other way; None where no detection tells
 
 
 def finished(work: Work, scene: Scene, config: MappingConfig) -> Finished:
@@ -29,7 +30,8 @@ def finished(work: Work, scene: Scene, config: MappingConfig) -> Finished:
     unfit = why_unfit(work, scene, config)
     if unfit is not None:
         return Finished(work.without_views(), unfit)
-    return Finished(work.without_views(), None, _map_object(work, scene), _ious(work, scene))
+    doubt = reversed_probability(work.observed.track, work.found.state.world_from_object)
+    return Finished(work.without_views(), None, _map_object(work, scene), _ious(work, scene), doubt)
 
 
 def _map_object(work: Work, scene: Scene) -> MapObject:

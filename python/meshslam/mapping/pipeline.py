@@ -57,6 +57,7 @@ class ObjectMapping:
     stages: dict[int, Stages]  # by object
     mask_ious: dict[str, float]  # the figures of metrics.json
     tracked: DetectionSet  # with the tracks as they were given
+    reversed_probabilities: dict[int, float] = field(default_factory=dict)  # by object: that it faces the other way
 
 
 def map_objects(
@@ -177,7 +178,9 @@ def _mapping(
     objects = tuple(one.object for one in done if one.object is not None)
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     reasons = tuple(sorted(left_out + unfit + doubled, key=lambda r: r.track))
-    return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked)
+    doubts = {one.object.id: one.reversed_probability for one in done if one.object is not None}
+    told = {number: doubt for number, doubt in doubts.items() if doubt is not None}
+    return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked, told)
 
 
 def make_scene(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshslam.geometry import Floats, Pose
+from meshslam.objects.start_search import flipped
 from meshslam.objects.track import Track
 
 _FLOOR = 0.01  # share of a distribution that is spread evenly: no network is more certain than that
@@ -22,6 +23,14 @@ def heading_cost(track: Track, world_from_object: Pose) -> float:
         if d.viewing_angle_shares is not None
     ]
     return float(np.mean(costs)) * min(len(costs), _INDEPENDENT_VIEWS) if costs else 0.0
+
+
+def reversed_probability(track: Track, world_from_object: Pose) -> float | None:
+    """How likely the object faces the other way, by the track's viewing angles alone; None where none is told."""
+    if all(d.viewing_angle_shares is None for d in track.detections):
+        return None
+    apart = heading_cost(track, world_from_object) - heading_cost(track, flipped(world_from_object))
+    return float(1 / (1 + np.exp(-apart)))
 
 
 def viewing_angle_rad(world_from_camera: Pose, world_from_object: Pose) -> float:

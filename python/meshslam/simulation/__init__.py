@@ -6,18 +6,17 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.simulation.bodies import (
-        UPRIGHT_REAR_M,
         Body,
         BodySource,
         procedural_bodies,
         procedural_body,
         shapes_of,
     )
-    from meshslam.simulation.cars import ProceduralCar, make_cars, meshed_cars
+    from meshslam.simulation.body_looks import look_of
+    from meshslam.simulation.cars import ProceduralCar, make_cars, make_fleet, meshed_cars
     from meshslam.simulation.config import DEMO, SimulationConfig, make_world, simulate_street
     from meshslam.simulation.fronts import Wall
     from meshslam.simulation.light import Light, draw_light, lit, shaded
-    from meshslam.simulation.look import draw_look
     from meshslam.simulation.materials import surface
     from meshslam.simulation.motion import ImuNoise, simulated_imu
     from meshslam.simulation.recorded import PathFiles, recorded_street
@@ -29,12 +28,12 @@ else:
     __getattr__ = deferred(
         __name__,
         {
-            "bodies": "UPRIGHT_REAR_M Body BodySource procedural_bodies procedural_body shapes_of",
-            "cars": "ProceduralCar make_cars meshed_cars",
+            "bodies": "Body BodySource procedural_bodies procedural_body shapes_of",
+            "body_looks": "look_of",
+            "cars": "ProceduralCar make_cars make_fleet meshed_cars",
             "config": "DEMO SimulationConfig make_world simulate_street",
             "fronts": "Wall",
             "light": "Light draw_light lit shaded",
-            "look": "draw_look",
             "materials": "surface",
             "motion": "ImuNoise simulated_imu",
             "recorded": "PathFiles recorded_street",
@@ -48,7 +47,6 @@ else:
 __all__ = [
     "DEMO",
     "EXACT",
-    "UPRIGHT_REAR_M",
     "Body",
     "BodySource",
     "Car",
@@ -63,10 +61,11 @@ __all__ = [
     "StreetConfig",
     "Wall",
     "draw_light",
-    "draw_look",
     "driven_again",
     "lit",
+    "look_of",
     "make_cars",
+    "make_fleet",
     "make_street",
     "make_world",
     "meshed_cars",

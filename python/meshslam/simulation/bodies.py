@@ -12,11 +12,10 @@ import numpy as np
 
 from meshslam.categories import KEYPOINT_NAMES, Category
 from meshslam.geometry import Floats, Ints
+from meshslam.simulation.body_looks import look_of
 from meshslam.simulation.cars import ProceduralCar, make_cars
-from meshslam.simulation.look import Look, draw_look
+from meshslam.simulation.look import Look
 from meshslam.simulation.materials import surface
-
-UPRIGHT_REAR_M = 0.8  # a roof that ends so near to the tail makes it a hatch, an estate or a van
 
 
 class Skin(Protocol):
@@ -127,10 +126,9 @@ def shapes_of(category: Category, max_z: float) -> BodySource:
 
 def procedural_body(car: ProceduralCar) -> Body:
     """A procedural car, to be painted with looks of its own."""
-    upright = car.shape.roof_rear_from_tail < UPRIGHT_REAR_M
 
     def looks(rng: np.random.Generator) -> Skin:
-        return CarSkin(car, draw_look(rng, upright))
+        return CarSkin(car, look_of(rng, car.shape, car.kind))
 
     points = dict(zip(KEYPOINT_NAMES, car.keypoints - car.middle, strict=True))
     return Body("car", car.vertices - car.middle, car.faces, points, looks)

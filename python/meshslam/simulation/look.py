@@ -23,6 +23,35 @@ _PAINTS_BGR = (  # with the shares of cars on the road: white, black, greys, sil
 
 
 @dataclass(frozen=True, eq=False)
+class Bodywork:
+    """Sides and rear end of one van, truck or bus. Lengths and heights over the ground in metres."""
+
+    windshield_top: float
+    sill: float  # lower edge of the side windows
+    glass_top: float
+    dip: float  # how far the front doors' windows reach down at their front end
+    panes: tuple[float, float]  # length that is glazed behind the front doors, at the left and at the right
+    pane_length: float
+    recesses: bool  # pressed where panes would be
+    rubber: bool  # dark frames around the panes
+    slides: tuple[bool, bool]  # sliding doors at the left and at the right
+    slide_length: float
+    rail: float  # height of their rail
+    two_doors: bool  # at the rear; else a lid
+    rear_glass: bool
+    rear_sill: float
+    rear_top: float
+    hinges: bool
+    strip: float  # height of a rubbing strip; 0: none
+    lamp_height: float
+    lamp_out: float  # share of half the width
+    lamp_size: tuple[float, float]  # half width, half height
+    lamp_bands: tuple[float, float]  # shares of the lamp that are clear, from below and up to
+    brake_lamp: float  # height of the third one; 0: none
+    adverts: Floats  # (k, 8): middle x and z, half sizes, BGR, 1 on the rear doors or 0 on the sides
+
+
+@dataclass(frozen=True, eq=False)
 class Look:
     """Looks of one car. Lengths in metres, colours BGR from 0 to 1, heights as shares of the car's where said."""
 
@@ -83,6 +112,7 @@ class Look:
     rails: bool
     roof_window: bool
     phase: Floats  # (8,) seeds of small patterns
+    bodywork: Bodywork | None = None  # sides and rear of vans, trucks and buses
 
 
 def draw_look(rng: np.random.Generator, upright: bool) -> Look:

@@ -8,7 +8,9 @@ import numpy as np
 
 from meshslam.categories import CarShape
 from meshslam.geometry import Bools, Floats
+from meshslam.simulation.bodywork import painted_bodywork, painted_rear
 from meshslam.simulation.look import Look
+from meshslam.simulation.patches import SurfacePoints, rounded_box, surface_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,36 +22,21 @@ class Surface:
     glass: Bools  # (n,)
 
 
-@dataclass(frozen=True, eq=False)
-class _Points:
-    x: Floats
-    y: Floats
-    z: Floats
-    nx: Floats
-    ny: Floats  # positive outwards on both sides
-    nz: Floats
-    share: Floats  # z over the car's height
-    half: Floats  # half width there
-
-    @property
-    def out(self) -> Floats:
-        """Distance from the middle plane."""
-        return np.abs(self.y)
-
-
 def surface(car: CarShape, look: Look, points: Floats, normals: Floats) -> Surface:
     """Paint points (n, 3) with normals (n, 3), both in the car's frame."""
-    x, y, z = points.T
-    p = _Points(
-        x, y, z, normals[:, 0], normals[:, 1] * np.sign(y + 1e-9), normals[:, 2], z / car.height, car.half_width(x, z)
-    )
-    colour = np.tile(look.paint, (len(x), 1))
-    mirror = np.full(len(x), 0.05 * look.gloss)
+    p = surface_points(car, points, normals)
+    colour = np.tile(look.paint, (len(points), 1))
+    mirror = np.full(len(points), 0.05 * look.gloss)
     colour[(p.share > 0.86) & (p.nz > 0.6)] = look.roof
-    _seams(car, look, p, colour)
-    matte = _plastic(car, look, p, colour)
-    glass = _glass(car, look, p, colour)
-    for paint in (_front, _rear, _plates, _mirrors):
+    if look.bodywork is None:
+        _seams(car, look, p, colour)
+        matte = _plastic(car, look, p, colour)
+        glass = _glass(car, look, p, colour)
+    else:
+        matte = _plastic(car, look, p, colour)
+        glass = painted_bodywork(car, look, look.bodywork, p, colour)
+    rear = _rear if look.bodywork is None else painted_rear
+    for paint in (_front, rear, _plates, _mirrors):
         paint(car, look, p, colour, glass)
     wheel = _wheels(car, look, p, colour)
     mirror[matte | wheel] = 0.01
@@ -57,13 +44,7 @@ def surface(car: CarShape, look: Look, points: Floats, normals: Floats) -> Surfa
     return Surface(colour, mirror, glass)
 
 
-def _box(a: Floats, b: Floats, half_a: Floats | float, half_b: Floats | float, power: float = 4.0) -> Bools:
-    """Points in a rounded rectangle about the origin."""
-    inside: Bools = np.abs(a / half_a) ** power + np.abs(b / half_b) ** power < 1.0
-    return inside
-
-
-def _seams(car: CarShape, look: Look, p: _Points, colour: Floats) -> None:
+def _seams(car: CarShape, look: Look, p: SurfacePoints, colour: Floats) -> None:
     """Gaps of doors and lids, handles, the sill's crease."""
     belt = car.belt_height - car.belt_rise * p.x
     cowl = car.wheelbase / 2 - car.cowl_from_axle
@@ -74,7 +55,7 @@ def _seams(car: CarShape, look: Look, p: _Points, colour: Floats) -> None:
     crease = side & (np.abs(p.z - car.widest - 0.03 * np.sin(look.phase[0]) * p.x) < 0.02)
     colour[crease] *= 0.8
     for at in (look.b_pillar + 0.16, rear_door + 0.16):
-        colour[side & _box(p.x - at, p.z - belt + 0.11, 0.10, 0.022)] *= 0.45
+        colour[side & rounded_box(p.x - at, p.z - belt + 0.11, 0.10, 0.022)] *= 0.45
     hood = (p.nx > 0.05) & (p.share > 0.44) & (p.share < 0.7) & (p.x > cowl)
     colour[hood & (np.abs(p.out - 0.80 * p.half) < 0.014)] *= 0.45
     lid = (p.nx < -0.3) & (p.share > 0.3) & (p.share < 0.68)
@@ -82,7 +63,7 @@ def _seams(car: CarShape, look: Look, p: _Points, colour: Floats) -> None:
     colour[lid & (np.abs(p.share - 0.42) < 0.008)] *= 0.45
 
 
-def _plastic(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
+def _plastic(car: CarShape, look: Look, p: SurfacePoints, colour: Floats) -> Bools:
     """Black lower edges, underbody, roof rails."""
     ends = (p.x > car.front - 0.45) | (p.x < car.rear + 0.45)
     low = (ends & (p.share < look.bumper_below)) | (p.share < look.cladding_below)
@@ -93,12 +74,12 @@ def _plastic(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
         rail = (p.share > 0.9) & (np.abs(p.out - 0.88 * p.half) < 0.035) & (p.ny > 0.1) & (np.abs(p.x + 0.4) < 1.1)
         colour[rail] = 0.05 if look.phase[1] < 3 else 0.5
     if look.roof_window:
-        colour[(p.nz > 0.9) & (p.share > 0.85) & _box(p.x + 0.1, p.y, 0.35, 0.38)] = 0.03
+        colour[(p.nz > 0.9) & (p.share > 0.85) & rounded_box(p.x + 0.1, p.y, 0.35, 0.38)] = 0.03
     merged: Bools = low | under
     return merged
 
 
-def _glass(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
+def _glass(car: CarShape, look: Look, p: SurfacePoints, colour: Floats) -> Bools:
     """Windshield, side panes, rear window, what is behind them; returns where the glass is."""
     cowl = car.wheelbase / 2 - car.cowl_from_axle
     top = car.height - 0.085
@@ -130,7 +111,7 @@ def _glass(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
         clear = (np.sin(3.1 * p.x + look.phase[4]) + np.sin(5 * p.z + 4 * p.y + look.phase[5]) > 0.2) & (panes | back)
         inside[clear] += look.light_through * look.privacy
     if look.headrests:
-        rests = _box(p.out - 0.36, p.z - belt - 0.12, 0.13, 0.12, 2) & (windshield | back)
+        rests = rounded_box(p.out - 0.36, p.z - belt - 0.12, 0.13, 0.12, 2) & (windshield | back)
         inside[rests] *= 0.5
     colour[glass] = np.clip(inside, 0.005, 0.9)[glass]
     if look.wiper:
@@ -142,34 +123,34 @@ def _glass(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
     return glass
 
 
-def _front(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
+def _front(car: CarShape, look: Look, p: SurfacePoints, colour: Floats, glass: Bools) -> None:
     """Grille, intake, lamps."""
     h, w = car.height, car.width / 2
     face = (p.nx > 0.25) & (p.x > car.front - 0.8) & ~glass
     gap = p.share - look.grille_height
     half_y, half_z = look.grille_size[0], look.grille_size[1] / h * 0.9
     if look.grille_style != "none":
-        grille = face & _box(p.y, gap, half_y, half_z)
+        grille = face & rounded_box(p.y, gap, half_y, half_z)
         if look.grille_style == "split":
             grille &= p.out > 0.05
-        ring = face & _box(p.y, gap, half_y + 0.03, half_z + 0.018) & ~grille
+        ring = face & rounded_box(p.y, gap, half_y + 0.03, half_z + 0.018) & ~grille
         colour[grille] = look.grille_colour
         stripes = np.sin(p.z * 130 if look.grille_style == "bars" else p.y * 110) > 0.3
         colour[grille & stripes] = 0.5 if look.chrome else look.grille_colour * 2.0
         if look.chrome:
             colour[ring] = 0.7
-    intake = face & _box(p.y, p.share - 0.19, look.intake_size[0], look.intake_size[1] / h)
+    intake = face & rounded_box(p.y, p.share - 0.19, look.intake_size[0], look.intake_size[1] / h)
     colour[intake] = 0.02
     if look.fog_holes:
-        hole = face & _box(p.out - 0.72 * w, p.share - 0.20, 0.13, 0.035)
+        hole = face & rounded_box(p.out - 0.72 * w, p.share - 0.20, 0.13, 0.035)
         colour[hole] = 0.03
-        colour[hole & _box(p.out - 0.72 * w, p.share - 0.20, 0.045, 0.025, 2)] = 0.7
+        colour[hole & rounded_box(p.out - 0.72 * w, p.share - 0.20, 0.045, 0.025, 2)] = 0.7
     if look.badge:
         colour[face & (np.hypot(p.y, p.z - look.grille_height * h - 0.02) < 0.05)] = 0.65
     _head_lamps(car, look, p, colour, glass)
 
 
-def _head_lamps(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
+def _head_lamps(car: CarShape, look: Look, p: SurfacePoints, colour: Floats, glass: Bools) -> None:
     h, w = car.height, car.width / 2
     along = p.out + 0.5 * np.maximum(car.front - 0.12 - p.x, 0) - look.head_at[0] * w
     up = p.z - look.head_at[1] * h - look.head_slant * 0.35 * along
@@ -177,8 +158,8 @@ def _head_lamps(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bo
     if look.head_style == "round":
         lamp = near & (np.hypot(along, up) < 0.8 * look.head_size[0])
     else:
-        lamp = near & _box(along, up, look.head_size[0], look.head_size[1], 3)
-    colour[near & _box(along, up, look.head_size[0] + 0.015, look.head_size[1] + 0.015, 3)] *= 0.4
+        lamp = near & rounded_box(along, up, look.head_size[0], look.head_size[1], 3)
+    colour[near & rounded_box(along, up, look.head_size[0] + 0.015, look.head_size[1] + 0.015, 3)] *= 0.4
     base = look.head_colour * (0.35 if look.head_style == "smoked" else 1.0)
     pattern = 0.75 + 0.25 * np.sin(40 * along + look.phase[6]) * np.sin(50 * up + look.phase[7])
     colour[lamp] = base * pattern[lamp, None]
@@ -187,7 +168,7 @@ def _head_lamps(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bo
         colour[lamp & (along > 0.5 * look.head_size[0])] = [0.12, 0.40, 0.80]
 
 
-def _rear(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
+def _rear(car: CarShape, look: Look, p: SurfacePoints, colour: Floats, glass: Bools) -> None:
     """Lamps, reflectors, exhaust, diffuser."""
     h, w = car.height, car.width / 2
     near = (p.x < car.rear + 0.12 + look.tail_reach) & ((p.nx < -0.1) | (p.ny > 0.3)) & ~glass & (p.nz < 0.92)
@@ -195,13 +176,13 @@ def _rear(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -
     wide, high = look.tail_size
     up = p.share - look.tail_height
     if look.tail_style == "upright":
-        lamp = near & _box(along - 0.86 * w, up - 0.05, 0.6 * wide, 1.5 * high / h * 1.3)
+        lamp = near & rounded_box(along - 0.86 * w, up - 0.05, 0.6 * wide, 1.5 * high / h * 1.3)
     elif look.tail_style == "round":
         lamp = near & (np.hypot(along - 0.74 * w, up * h) < high) | (
             near & (np.hypot(along - 0.74 * w + 2.2 * high, up * h) < 0.8 * high)
         )
     else:
-        lamp = near & _box(along - w + 0.9 * wide, up, wide, high / h)
+        lamp = near & rounded_box(along - w + 0.9 * wide, up, wide, high / h)
         if look.tail_style == "bar":
             lamp |= near & (np.abs(up) * h < 0.35 * high) & (p.nx < -0.2)
     colour[near & _rim(along, up * h, w, wide, high)] *= 0.7
@@ -211,7 +192,7 @@ def _rear(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -
     colour[lamp & inner] = look.tail_clear
     face = (p.nx < -0.3) & (p.x < car.rear + 0.6) & ~glass
     if look.reflectors:
-        colour[face & _box(p.out - 0.74 * w, p.share - 0.24, 0.09, 0.014)] = look.tail_colour
+        colour[face & rounded_box(p.out - 0.74 * w, p.share - 0.24, 0.09, 0.014)] = look.tail_colour
     colour[face & (p.share < 0.20) & (p.out < 0.6 * w)] = 0.05
     if look.exhaust:
         colour[face & (np.hypot(p.out - 0.5 * w, p.share * h - 0.19 * h) < 0.05)] = 0.35
@@ -220,10 +201,10 @@ def _rear(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -
 
 
 def _rim(along: Floats, up: Floats, w: float, wide: float, high: float) -> Bools:
-    return _box(along - w + 0.9 * wide, up, wide + 0.015, high + 0.015)
+    return rounded_box(along - w + 0.9 * wide, up, wide + 0.015, high + 0.015)
 
 
-def _plates(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
+def _plates(car: CarShape, look: Look, p: SurfacePoints, colour: Floats, glass: Bools) -> None:
     """Number plates with their characters, and the dark recess of the one at the rear."""
     half_y, half_z = look.plate_size
     text = (np.sin(p.y * 85 + look.phase[1]) + np.sin(p.y * 47 + look.phase[2]) > 0.35) & (p.out < 0.85 * half_y)
@@ -234,15 +215,15 @@ def _plates(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools)
         gap = p.z - height * car.height
         face = (p.nx < -0.3 if rear else p.nx > 0.3) & ~glass
         if rear:
-            recess = face & _box(p.y, gap - 0.02, half_y + 0.12, half_z + 0.05)
+            recess = face & rounded_box(p.y, gap - 0.02, half_y + 0.12, half_z + 0.05)
             colour[recess] *= 0.55
-        plate = face & _box(p.y, gap, half_y, half_z, 8)
+        plate = face & rounded_box(p.y, gap, half_y, half_z, 8)
         if shown:
             colour[plate] = look.plate_colour
             colour[plate & text & (np.abs(gap) < 0.6 * half_z)] = 0.05
 
 
-def _mirrors(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools) -> None:
+def _mirrors(car: CarShape, look: Look, p: SurfacePoints, colour: Floats, glass: Bools) -> None:
     """The mirrors: painted ahead, dark where the driver looks."""
     tip = car.mirror_tip
     cone = (p.out > p.half + 0.03) & (np.hypot(p.x - tip[0], p.z - tip[2]) < 0.3) & (p.share > 0.5)
@@ -251,7 +232,7 @@ def _mirrors(car: CarShape, look: Look, p: _Points, colour: Floats, glass: Bools
     glass &= ~cone
 
 
-def _wheels(car: CarShape, look: Look, p: _Points, colour: Floats) -> Bools:
+def _wheels(car: CarShape, look: Look, p: SurfacePoints, colour: Floats) -> Bools:
     """Arches, tyres and rims; returns where they are."""
     hub = np.where(p.x > 0, car.wheelbase / 2, -car.wheelbase / 2)
     dx, dz = p.x - hub, p.z - car.tyre_radius

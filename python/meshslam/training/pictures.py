@@ -7,6 +7,7 @@ import multiprocessing
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -14,12 +15,17 @@ import numpy as np
 from meshslam.errors import ModelError
 from meshslam.files import remove_leftovers_of, write_atomically
 from meshslam.geometry import Bools, Bytes, Floats, Ints
-from meshslam.simulation import ProceduralCar, make_cars
+from meshslam.simulation import ProceduralCar, make_cars, make_fleet
 from meshslam.training.dataset import Sample, Samples, gathered, taken
 from meshslam.training.scene import Picture, draw_picture
 
+Kind = Literal["cars", "fleet"]
+Maker = Callable[[int, int], list[ProceduralCar]]  # from a seed and a number
+
 CHUNK = 400  # pictures that one seed gives
 CARS_A_CHUNK = 16
+_MAKERS: dict[Kind, Maker] = {"cars": make_cars, "fleet": make_fleet}
+_FIRST: dict[Kind, int] = {"cars": 0, "fleet": 500_000}  # of a seed's chunks
 _BRIGHTEST = 3.0  # of the light that is kept; a byte holds its square root
 _LIGHT = (_BRIGHTEST * np.square(np.arange(256) / 255)).astype(np.float32)
 _CAR, _OTHER = 1, 2
@@ -109,11 +115,11 @@ def _pixels(picture: Picture) -> Bytes:
     return np.dstack([np.round(255 * root), whose]).astype(np.uint8)
 
 
-def draw_chunk(seed: int, count: int = CHUNK, cars: int = CARS_A_CHUNK) -> ImageFeatures:
-    """Draw `count` pictures of cars and scenes that follow from the seed."""
+def draw_chunk(seed: int, count: int = CHUNK, cars: int = CARS_A_CHUNK, make: Maker = make_cars) -> ImageFeatures:
+    """Draw `count` pictures of cars, or of what else `make` makes, and of scenes that follow from the seed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
-    return packed(draw_pictures(rng, make_cars(int(rng.integers(2**31)), cars), count))
+    return packed(draw_pictures(rng, make(int(rng.integers(2**31)), cars), count))
 
 
 def draw_samples(seed: int, count: int) -> Samples:
@@ -122,10 +128,10 @@ def draw_samples(seed: int, count: int) -> Samples:
     return samples_of(np.random.default_rng(seed), album, range(count))
 
 
-def _save_chunk(job: tuple[int, Path, int]) -> Path:
-    seed, path, count = job
+def _save_chunk(job: tuple[int, Path, int, Kind]) -> Path:
+    seed, path, count, kind = job
     if not path.exists():
-        chunk = draw_chunk(seed, count)
+        chunk = draw_chunk(seed, count, make=_MAKERS[kind])
         remove_leftovers_of(path)
         buffer = io.BytesIO()
         np.savez(buffer, **vars(chunk))
@@ -140,16 +146,18 @@ def draw_chunks(
     size: int = CHUNK,
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
+    kind: Kind = "cars",
 ) -> list[Path]:
     """Draw chunks of pictures into a folder with `workers` processes; what is there is not drawn again."""
     folder.mkdir(parents=True, exist_ok=True)
-    jobs = [(seed * 1_000_003 + i, folder / f"{seed}-{size}-{i:04d}.npz", size) for i in range(chunks)]
+    first, name = seed * 1_000_003 + _FIRST[kind], f"{seed}-{size}" + ("" if kind == "cars" else f"-{kind}")
+    jobs = [(first + i, folder / f"{name}-{i:04d}.npz", size, kind) for i in range(chunks)]
     done: list[Path] = []
     with multiprocessing.get_context("spawn").Pool(workers) as pool:
         for path in pool.imap(_save_chunk, jobs):
             done.append(path)
             if progress:
-                progress("draw", len(done), chunks)
+                progress(f"draw {kind}", len(done), chunks)
     return done
 
 

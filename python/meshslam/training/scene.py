@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from meshslam.geometry import Bools, Bytes, Camera, Floats, Pose, Rendering, Singles, render
-from meshslam.simulation import UPRIGHT_REAR_M, Light, ProceduralCar, draw_light, draw_look, lit, shaded, surface
+from meshslam.simulation import Light, ProceduralCar, draw_light, lit, look_of, shaded, surface
 from meshslam.training.background import backdrop, ground_texture
 from meshslam.training.layout import Layout, draw_layout
 
@@ -102,8 +102,7 @@ def _car_colours(
     in_camera = rays[here] / drawn.inverse_depth[here][:, None]
     points = camera_from_car.inverse().transform(in_camera)
     normals = car.face_normals[drawn.face_index[here]]
-    upright = car.shape.roof_rear_from_tail < UPRIGHT_REAR_M
-    made_of = surface(car.shape, draw_look(rng, upright), points, normals)
+    made_of = surface(car.shape, look_of(rng, car.shape, car.kind), points, normals)
     world_from_camera = layout.camera_from_world.inverse()
     along = in_camera / np.linalg.norm(in_camera, axis=1, keepdims=True)
     normals_in_world = normals @ (world_from_camera.rotation @ camera_from_car.rotation).T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -35,9 +36,10 @@ class TrainingConfig(Settings):
     """What decides the weights."""
 
     seed: int = setting(1, low=0)
-    chunks: int = setting(45, low=1)
+    chunks: int = setting(35, low=1)  # of cars
+    fleet_chunks: int = setting(14, low=0)  # of vans, trucks, buses and cars together
     chunk_size: int = setting(CHUNK, low=1)  # pictures
-    held_out_chunks: int = setting(5, low=0)
+    held_out_chunks: int = setting(5, low=0)  # of the cars'; of the fleet's as many in proportion
     epochs: int = setting(9, low=1)
     horizon: float = setting(4 / 3, above=0)  # of the epochs: one rise and fall of the learning rate
     cool_down: float = setting(5 / 9, above=0)  # of the epochs, the last ones, in which it also fades out in a line
@@ -45,6 +47,11 @@ class TrainingConfig(Settings):
     learning_rate: float = setting(3e-3, above=0)  # at its peak
     weight_decay: float = setting(1e-3, low=0)
     warm_up: float = setting(0.1, above=0, below=1)  # share of the horizon
+
+    @property
+    def held_out_fleet_chunks(self) -> int:
+        """How many of the fleet's chunks are kept."""
+        return math.ceil(self.held_out_chunks * self.fleet_chunks / self.chunks)
 
 
 def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report | None = None) -> KeypointNetwork:
@@ -146,8 +153,12 @@ def export(network: KeypointNetwork, path: Path) -> None:
     write_atomically(path, buffer.getvalue(), ModelError)
 
 
-def held_out(paths: list[Path], config: TrainingConfig) -> tuple[Album, Samples]:
-    """Pictures to learn from, and samples of other cars and scenes to score on."""
-    kept = load_album(paths[: config.held_out_chunks])
-    samples = samples_of(np.random.default_rng([config.seed, HELD_OUT]), kept, range(len(kept)))
-    return load_album(paths[config.held_out_chunks :]), samples
+def held_out(cars: list[Path], fleet: list[Path], config: TrainingConfig) -> tuple[Album, dict[str, Samples]]:
+    """Pictures to learn from, and samples of other vehicles and scenes to score on: of cars, and of a fleet."""
+    kept = {"cars": cars[: config.held_out_chunks], "fleet": fleet[: config.held_out_fleet_chunks]}
+    samples = {}
+    for number, (kind, paths) in enumerate(kept.items()):
+        if paths:
+            album, rng = load_album(paths), np.random.default_rng([config.seed, HELD_OUT - number])
+            samples[kind] = samples_of(rng, album, range(len(album)))
+    return load_album(cars[config.held_out_chunks :] + fleet[config.held_out_fleet_chunks :]), samples

@@ -79,6 +79,8 @@ class CarShape:
     window_share: float = 0.54  # likewise of the rear window
     light_share: float = 0.43  # height of the front lights, as a share of the height
     trunk_share: float = 0.60  # height of the trunk's corners, likewise
+    windshield_top: float = GLASS_BELOW_ROOF  # the windshield's upper corners below the roof
+    window_top: float = GLASS_BELOW_ROOF  # likewise of the rear window
 
     @property
     def front(self) -> float:
@@ -164,16 +166,16 @@ class CarShape:
     def keypoints(self) -> Floats:
         """Return the 12 key points (12, 3) in the order of KEYPOINT_NAMES.
 
-        Wheels: the hub on the tyre's outer face. Glass corners: where the middle of the roof line has fallen by
-        GLASS_BELOW_ROOF, at the pillars. Lights and trunk corners: on the surface at their share of the height.
+        Wheels: the hub on the tyre's outer face. Glass corners: where the middle of the roof line has fallen to the
+        glass's top, at the pillars. Lights and trunk corners: on the surface at their share of the height.
         """
-        w, h, glass = self.width / 2, self.height, self.height - GLASS_BELOW_ROOF
+        w, h = self.width / 2, self.height
         cowl = self.wheelbase / 2 - self.cowl_from_axle
         middle = (cowl - self.windshield_run + self.rear + self.roof_rear_from_tail) / 2
         inside = np.array(
             [
-                [middle, 0, glass],
-                [middle, 0, glass],
+                [middle, 0, h - self.windshield_top],
+                [middle, 0, h - self.window_top],
                 [0, 0.75 * w, self.light_share * h],
                 [0, 0.75 * w, self.trunk_share * h],
             ]

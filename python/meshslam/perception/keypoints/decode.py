@@ -45,6 +45,23 @@ def angle_distribution(logits: Singles) -> Floats:
     return shares
 
 
+def keypoint_scores(share: Floats, visible: Singles, angle_shares: Floats) -> Floats:
+    """Scores (N, K): that a point is seen, in one place, and that front is not taken for rear.
+
+    share (N, K) of `points_in_input`, visible (N, K) logits, angle_shares (N, `ANGLES`).
+    """
+    facing = 1 - reversed_share(angle_shares)
+    scores: Floats = facing[:, None] * share / (1 + np.exp(-visible.astype(float)))
+    return scores
+
+
+def reversed_share(shares: Floats) -> Floats:
+    """The share (N,) of angle distributions that lies more than a quarter turn off the likeliest angle."""
+    away = np.cos(angle_centres() - peak_angle(shares)[:, None]) < 0
+    total: Floats = (shares * away).sum(1)
+    return total
+
+
 def angle_centres() -> Floats:
     """Centres (`ANGLES`,) of the bins, rad: 0 ahead of the car, pi / 2 at its left."""
     centres: Floats = 2 * np.pi * np.arange(ANGLES) / ANGLES

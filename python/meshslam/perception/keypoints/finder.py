@@ -18,7 +18,14 @@ from meshslam.geometry import Bytes, Floats, Singles
 from meshslam.perception.coco import VEHICLES
 from meshslam.perception.detections import Detection, DetectionSet
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop, cut_out, to_input
-from meshslam.perception.keypoints.decode import ANGLES, KEYPOINTS, angle_distribution, laplace_sigma, points_in_input
+from meshslam.perception.keypoints.decode import (
+    ANGLES,
+    KEYPOINTS,
+    angle_distribution,
+    keypoint_scores,
+    laplace_sigma,
+    points_in_input,
+)
 from meshslam.perception.keypoints.mirror import Answers, answers_of
 from meshslam.perception.onnx_runtime import inference_session
 from meshslam.settings import Settings, expert, public
@@ -46,7 +53,7 @@ class CarPoints:
     """What the network says of one car."""
 
     pixels: Floats  # (12, 2) in the image
-    scores: Floats  # (12,) that the point is seen, and seen in one place
+    scores: Floats  # (12,) that the point is seen, in one place, and front is not taken for rear
     sigmas_px: Floats  # (12,) along one axis, px of the image
     angle_shares: Floats  # (ANGLES,) of the viewing angle
 
@@ -70,8 +77,8 @@ class KeypointFinder:
             cuts = np.stack([cut_out(image_bgr, m, c) for m, c in zip(masks[part], crops[part], strict=True)])
             heat, visible, log_sigma, angle = answers_of(self.answers, to_input(cuts))
             points, share = points_in_input(heat)
-            scores = share / (1 + np.exp(-visible.astype(float)))
             sigmas, shares = laplace_sigma(log_sigma), angle_distribution(angle)
+            scores = keypoint_scores(share, visible, shares)
             found += [
                 CarPoints(
                     crop.to_image(points[i]),

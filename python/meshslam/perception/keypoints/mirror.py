@@ -8,7 +8,7 @@ import numpy as np
 
 from meshslam.categories import KEYPOINT_NAMES
 from meshslam.geometry import Bools, Singles
-from meshslam.perception.keypoints.decode import ANGLES, angle_centres, angle_distribution, peak_angle
+from meshslam.perception.keypoints.decode import ANGLES, angle_distribution, reversed_share
 
 UNDECIDED = 0.15  # share of the viewing angles more than a quarter turn off the likeliest
 
@@ -33,9 +33,7 @@ def answers_of(network: Callable[[Singles], Answers], crops: Singles) -> Answers
 
 def undecided(angle: Singles) -> Bools:
     """For which distributions (N, ANGLES; logits) another side of the car is likely, too."""
-    shares = angle_distribution(angle)
-    away = np.cos(angle_centres() - peak_angle(shares)[:, None]) < 0
-    found: Bools = (shares * away).sum(1) > UNDECIDED
+    found: Bools = reversed_share(angle_distribution(angle)) > UNDECIDED
     return found
 
 
