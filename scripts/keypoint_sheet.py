@@ -1,6 +1,7 @@
 """Key points by the shipped network, drawn: over every car of a recording that is wide enough, or over drawn cars.
 
     .venv/bin/python scripts/keypoint_sheet.py --out sheet.png                          held-out drawn cars
+    .venv/bin/python scripts/keypoint_sheet.py --fleet --out sheet.png                  vans, trucks, buses
     .venv/bin/python scripts/keypoint_sheet.py SEQUENCE detections.json --out sheet.png
 
 Green: points of the front, red: of the rear; the number is the viewing angle, 0 ahead of the car, 90 at its left.
@@ -12,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from meshslam.perception import KeypointFinder, read_detections
+from meshslam.perception import KeypointConfig, KeypointFinder, read_detections
 from meshslam.perception.keypoints.crop import HEIGHT_PX, WIDTH_PX, Crop
 from meshslam.perception.keypoints.decode import peak_angle
 from meshslam.sequences import open_sequence
@@ -58,10 +59,12 @@ def of_recording(sequence, detections, least_px, every, plain):
     return tiles
 
 
-def of_drawn_cars(count):
+def of_drawn_cars(count, model, *, fleet):
+    from meshslam.simulation import make_cars, make_fleet
     from meshslam.training.pictures import draw_samples
 
-    samples, finder = draw_samples(987_654_321, count), KeypointFinder()
+    samples = draw_samples(987_654_321, count, make_fleet if fleet else make_cars)
+    finder = KeypointFinder(KeypointConfig(model=model))
     whole, tiles = Crop(0, 0, WIDTH_PX, HEIGHT_PX), []
     for cut, angle in zip(samples.cuts, samples.angles_rad, strict=True):
         image, mask = np.ascontiguousarray(cut[..., :3]), (cut[..., 3] > 127).astype(np.uint8)
@@ -80,12 +83,14 @@ def main():
     parser.add_argument("--every", type=int, default=1, help="take every so many frames")
     parser.add_argument("--plain", action="store_true", help="outlines and points, without the pictures")
     parser.add_argument("--columns", type=int, default=7)
+    parser.add_argument("--fleet", action="store_true", help="vans, trucks and buses, drawn")
+    parser.add_argument("--model", help="an ONNX file instead of the shipped network, for drawn vehicles")
     parser.add_argument("--count", type=int, default=42, help="of drawn cars")
     a = parser.parse_args()
     if a.sequence:
         tiles = of_recording(a.sequence, a.detections, a.least_px, a.every, a.plain)
     else:
-        tiles = of_drawn_cars(a.count)
+        tiles = of_drawn_cars(a.count, a.model, fleet=a.fleet)
     cv2.imwrite(str(a.out), sheet(tiles, a.columns))
     print(f"{a.out}: {len(tiles)} cars")
 

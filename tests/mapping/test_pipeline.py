@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from meshslam.geometry import Pose, voxel_iou
 from meshslam.mapping import MappingConfig, map_objects
 from meshslam.maps import CameraPath
 from meshslam.objects import ObjectConfig
+from meshslam.objects.heading import viewing_angle_rad
 from meshslam.perception import read_detections
 from meshslam.sequences import open_sequence
 
@@ -116,6 +118,22 @@ def test_one_frame_is_enough_where_there_is_no_more(camera, car, car_detection, 
     found = map_objects(frames, as_set(1, [seen]), car, *CONFIG).map.objects
     assert len(found) == 1
     assert np.linalg.norm(found[0].world_from_object.translation - true.translation) < 0.4
+
+
+@pytest.mark.parametrize("rear", [0.05, 0.4])
+def test_viewing_angles_of_two_opposite_sides_leave_it_in_doubt_which_way_a_car_faces(
+    camera, car, car_detection, as_set, drive, rear
+):
+    """One view of a car from ahead and its left; the network gives the opposite side some of the probability."""
+    true = Pose.from_yaw(np.pi + 0.3, np.array([10.0, 2.5, car.dimensions[2] / 2]))
+    away = 2 * np.pi * np.arange(36) / 36 - viewing_angle_rad(drive(1)[0], true)
+    peaks = [np.exp(20 * (np.cos(away - turn) - 1)) for turn in (0.0, np.pi)]
+    shares = ((1 - rear) * peaks[0] + rear * peaks[1]) / peaks[0].sum()
+    plain = car_detection(1, 0, drive(1)[0], true, car.vertices)
+    frames = CameraPath(camera, (0,), np.array([0.0]), drive(1), 1.65)
+    told = map_objects(frames, as_set(1, [replace(plain, viewing_angle_shares=shares)]), car, *CONFIG)
+    assert told.reversed_probabilities == {told.map.objects[0].id: pytest.approx(rear, abs=0.03)}
+    assert map_objects(frames, as_set(1, [plain]), car, *CONFIG).reversed_probabilities == {}
 
 
 def test_the_map_is_the_same_bytes_however_many_threads_work(frames, tracked, car, only, street, tmp_path, monkeypatch):

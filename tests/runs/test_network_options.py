@@ -1,5 +1,6 @@
 """What Python tells of a network, classes, detections and key points: as the command line does."""
 
+import dataclasses
 import json
 
 import cv2
@@ -10,7 +11,7 @@ import meshslam
 from meshslam.errors import ConfigError, SequenceError
 from meshslam.geometry import Pose
 from meshslam.perception import load_segmenter
-from meshslam.runs import InputConfig
+from meshslam.runs import InputConfig, map_run
 from meshslam.sequences import write_sequence_folder
 from tests.perception.test_networks import ADAPTER, own_network, painted
 from tests.sequences.conftest import CAMERA, coco_document
@@ -58,6 +59,18 @@ def test_detections_of_a_file_take_the_place_of_a_network(drive, tmp_path, is_op
     assert len(found.detections.detections) > 0
     with pytest.raises(SequenceError, match=r"none\.json: no such detection file"):
         meshslam.map_drive(given, detections=tmp_path / "none.json")
+
+
+def test_objects_that_may_face_the_other_way_are_noted(drive, tmp_path, monkeypatch):
+    path, mapped = tmp_path / "d.json", map_run.map_objects
+    path.write_text(json.dumps(coco_document(FRAMES)))
+
+    def doubtful(*given, **options):
+        return dataclasses.replace(mapped(*given, **options), reversed_probabilities={4: 0.3, 5: 0.0})
+
+    monkeypatch.setattr(map_run, "map_objects", doubtful)
+    notes = meshslam.map_drive(drive, detections=path, keypoints=False).notes
+    assert [note.split(":")[0] for note in notes if "front and rear may be exchanged" in note] == ["object 4"]
 
 
 def test_an_adapter_without_a_network_is_an_error(drive, network, tmp_path):

@@ -122,9 +122,9 @@ def draw_chunk(seed: int, count: int = CHUNK, cars: int = CARS_A_CHUNK, make: Ma
     return packed(draw_pictures(rng, make(int(rng.integers(2**31)), cars), count))
 
 
-def draw_samples(seed: int, count: int) -> Samples:
-    """Draw `count` samples that follow from the seed."""
-    album = Album(draw_chunk(seed, count))
+def draw_samples(seed: int, count: int, make: Maker = make_cars) -> Samples:
+    """Draw `count` samples of cars, or of what else `make` makes, that follow from the seed."""
+    album = Album(draw_chunk(seed, count, make=make))
     return samples_of(np.random.default_rng(seed), album, range(count))
 
 

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from meshslam.perception.keypoints.decode import ANGLES, CELL_PX, angle_distribution, peak_angle, points_in_input
+from meshslam.perception.keypoints.decode import (
+    ANGLES,
+    CELL_PX,
+    angle_distribution,
+    keypoint_scores,
+    peak_angle,
+    points_in_input,
+    reversed_share,
+)
 
 
 def heat_of(points, sigma=0.8):
@@ -33,6 +41,21 @@ def test_angles_are_read_off_all_around():
     assert shares.sum(1) == pytest.approx(1)
     gap = np.angle(np.exp(1j * (peak_angle(shares) - angles)))
     assert np.abs(gap).max() < 0.02
+
+
+def test_a_network_that_cannot_tell_front_from_rear_scores_its_points_lower():
+    """Of the angles' mass, what lies on the other side is taken off every score; a spread to the sides is not."""
+    centres = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    share, visible = np.full((3, 12), 0.9), np.full((3, 12), 2.0, np.float32)
+    peaks = np.exp(30 * (np.cos(centres - 0.4) - 1)), np.exp(30 * (np.cos(centres - 0.4 - np.pi) - 1))
+    sideways = np.exp(3 * (np.cos(centres - 0.4) - 1)) * (np.cos(centres - 0.4) > 0)
+    shares = np.array([peaks[0], 0.7 * peaks[0] + 0.3 * peaks[1], sideways])
+    shares /= shares.sum(1, keepdims=True)
+    assert reversed_share(shares) == pytest.approx([0, 0.3, 0], abs=1e-3)
+    scores = keypoint_scores(share, visible, shares)
+    assert scores[0] == pytest.approx(np.full(12, 0.9 / (1 + np.exp(-2.0))), abs=1e-3)
+    assert scores[1] == pytest.approx(0.7 * scores[0], abs=1e-3)
+    assert scores[2] == pytest.approx(scores[0], abs=1e-3)
 
 
 def test_training_finds_points_as_the_runtime_does():

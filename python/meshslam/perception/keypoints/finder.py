@@ -1,4 +1,4 @@
-"""Key points of the cars in an image, by the network that the package ships."""
+"""Key points of the vehicles in an image, by the network that the package ships."""
 
 from __future__ import annotations
 
