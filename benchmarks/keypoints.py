@@ -4,7 +4,8 @@
 
 On drawn vehicles and scenes that no training with another seed has seen. `unseen` are vans of body types that the
 training does not draw. The second table is the reliability of the scores: of the key points with such scores, how many
-are seen and found.
+are seen and found. The third is that of the viewing angles: the more mass they give to the other side, the more often
+front is taken for rear.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,13 @@ from meshslam.categories import CarShape, Van, draw_bus, draw_car, draw_of_van, 
 from meshslam.categories.procedural.heavy import NONE
 from meshslam.categories.procedural.heavy import Body as Measures
 from meshslam.perception.keypoints.crop import to_input
-from meshslam.perception.keypoints.decode import angle_distribution, keypoint_scores, points_in_input
+from meshslam.perception.keypoints.decode import (
+    angle_distribution,
+    keypoint_scores,
+    peak_angle,
+    points_in_input,
+    reversed_share,
+)
 from meshslam.perception.keypoints.finder import KeypointConfig, KeypointFinder
 from meshslam.perception.keypoints.mirror import answers_of
 from meshslam.simulation import ProceduralCar, meshed_cars
@@ -32,6 +40,7 @@ from meshslam.training.scene import Picture
 from meshslam.training.score import PCK_SHARE, score
 
 CONFIDENT = 0.4
+REVERSED_MASS = (0.0, 0.01, 0.05, 0.15, 0.3, 1.0)
 UNSEEN = (  # body types that VANS do not hold
     Van(Measures(1, "panel", (6.00, 0.30), (2.10, 0.05), (2.85, 0.12), (3.60, 0.25), (0.85, 0.06), (0.40, 0.06),
                  (1.42, 0.06), (0.35, 0.05), NONE, NONE, (0.36, 0.01), (0.36, 0.03)),
@@ -166,15 +175,43 @@ def print_groups(found: Sequence[np.ndarray], samples: Samples, kinds: Sequence[
             print(f"| {name} | {len(rows)} | {figures} |")
 
 
-def print_reliability(found: Sequence[np.ndarray], samples: Samples) -> None:
+def reliability(found: Sequence[np.ndarray], samples: Samples) -> np.ndarray:
+    """Rows (B, 3) of the scores' tenths that occur: points, their mean score, and the share that is seen and found."""
     scores, near, visible = scored_points(found, samples)
-    right = near & visible
-    print("| score | points | mean score | right |\n| --- | --- | --- | --- |")
-    for low in np.arange(0, 1, 0.1):
-        chosen = (scores >= low) & (scores < low + 0.1 + 1e-9)
-        if chosen.any():
-            figures = f"{chosen.sum()} | {scores[chosen].mean():.3f} | {right[chosen].mean():.3f}"
-            print(f"| {low:.1f} to {low + 0.1:.1f} | {figures} |")
+    tenth = np.minimum((10 * scores).astype(int), 9)
+    chosen = [tenth == i for i in range(10) if (tenth == i).any()]
+    return np.array([(part.sum(), scores[part].mean(), (near & visible)[part].mean()) for part in chosen])
+
+
+def print_reliability(found: Sequence[np.ndarray], samples: Samples) -> None:
+    print("| points | mean score | right |\n| --- | --- | --- |")
+    for count, score_mean, right in reliability(found, samples):
+        print(f"| {count:.0f} | {score_mean:.3f} | {right:.3f} |")
+
+
+def print_reversed(found: Sequence[np.ndarray], samples: Samples) -> None:
+    """The viewing angles' mass on the other side against how many are reversed."""
+    shares = angle_distribution(found[3])
+    mass = reversed_share(shares)
+    turned = np.abs(np.angle(np.exp(1j * (peak_angle(shares) - samples.angles_rad)))) > np.pi / 2
+    print("| crops | mean mass on the other side | reversed |\n| --- | --- | --- |")
+    for low, high in pairwise(REVERSED_MASS):
+        part = (mass >= low) & (mass < high)
+        if part.any():
+            print(f"| {part.sum()} | {mass[part].mean():.3f} | {turned[part].mean():.3f} |")
+
+
+def draw_reliability(curves: dict[str, np.ndarray], path: Path) -> None:
+    """Draw how many points are right against what their scores say."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="constrained")
+    axes.plot([0, 1], [0, 1], color="0.7", linewidth=1)
+    for name, rows in curves.items():
+        axes.plot(rows[:, 1], rows[:, 2], marker="o", markersize=3, linewidth=1, label=name)
+    axes.set(xlabel="mean score of a tenth", ylabel="share seen and found", xlim=(0, 1), ylim=(0, 1))
+    axes.legend()
+    figure.savefig(path, dpi=110)
 
 
 def main() -> None:
@@ -184,7 +221,9 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=CHUNK, help="pictures of a chunk")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--vehicles", nargs="+", choices=VEHICLES, default=["cars", "vans", "unseen"])
+    parser.add_argument("--plot", type=Path, help="where to draw the reliability curves")
     a = parser.parse_args()
+    curves = {}
     for vehicles in a.vehicles:
         samples, kinds = drawn_samples(vehicles, a.seed, a.chunks, a.size)
         found = answers(None if a.model is None else str(a.model), samples.cuts)
@@ -192,6 +231,11 @@ def main() -> None:
         print_groups(found, samples, kinds)
         print()
         print_reliability(found, samples)
+        print()
+        print_reversed(found, samples)
+        curves[vehicles] = reliability(found, samples)
+    if a.plot:
+        draw_reliability(curves, a.plot)
 
 
 if __name__ == "__main__":

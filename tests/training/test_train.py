@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch", reason="the extra `train` is not installed"
 from meshslam.training.pictures import Album, draw_chunk, samples_of  # noqa: E402
 from meshslam.training.train import TrainingConfig, evaluate, export, held_out, learn  # noqa: E402
 
-SMALL = TrainingConfig(epochs=4, batch=8)
+SMALL = TrainingConfig(epochs=3, restart_epochs=1, batch=8)
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +50,23 @@ def test_the_exported_network_answers_as_the_trained_one(album, network, tmp_pat
         assert np.allclose(mine, theirs, atol=1e-3)
 
 
+def test_the_learning_rate_falls_to_nothing_twice(tmp_path, album, monkeypatch):
+    rates = []
+
+    class Recorded(torch.optim.AdamW):
+        def step(self, *given):
+            rates.append(self.param_groups[0]["lr"])
+            return super().step(*given)
+
+    monkeypatch.setattr(torch.optim, "AdamW", Recorded)
+    learn(album, TrainingConfig(epochs=3, restart_epochs=2, batch=8), tmp_path / "checkpoint.pt")
+    steps = len(album) // 8
+    first, second = np.array(rates[: 3 * steps]), np.array(rates[3 * steps + 1 :])
+    assert first.max() > 1e-3 > 0.3 * first.max() > first[-1]
+    assert second[0] == pytest.approx(1e-3 * (1 - 1 / (2 * steps)))
+    assert np.diff(second) == pytest.approx(np.full(len(second) - 1, -1e-3 / (2 * steps)))
+
+
 def test_what_is_learnt_by_heart_is_known(album, tmp_path):
     """Enough passes over a few pictures: the loss and the labels belong together."""
     network = learn(album, TrainingConfig(epochs=80, batch=8, warm_up=0.2), tmp_path / "checkpoint.pt")
@@ -72,7 +89,7 @@ def test_cars_and_a_fleet_are_learnt_together_and_scored_apart(album, tmp_path):
 
 def test_the_command_draws_learns_exports_and_says_how_good_it_is(tmp_path):
     arguments = ["train-keypoints", "--out", str(tmp_path), "--chunks", "2", "--chunk-size", "32", "--held-out", "1"]
-    done = meshslam(*arguments, "--fleet-chunks", "0", "--epochs", "2")
+    done = meshslam(*arguments, "--fleet-chunks", "0", "--epochs", "2", "--restart-epochs", "1")
     assert done.returncode == 0, done.stderr
     assert "pck: " in done.stdout
     KeypointFinder(KeypointConfig(model=str(tmp_path / "car_keypoints.onnx"), threads=1))

@@ -18,6 +18,7 @@ def train_keypoints(
         int, typer.Option(help="Chunks of cars that are kept for the figures; of the fleet in proportion.", min=1)
     ] = 5,
     epochs: Annotated[int, typer.Option(help="Passes over the pictures, each in another way.", min=1)] = 9,
+    restart_epochs: Annotated[int, typer.Option(help="More passes, at a learning rate that starts anew.", min=0)] = 4,
     workers: Annotated[int, typer.Option(help="Processes that draw.", min=1)] = 1,
 ) -> None:
     """Train the network that finds the key points of vehicles, on drawn ones alone. Needs the extra `train` (PyTorch).
@@ -48,6 +49,7 @@ def train_keypoints(
         chunk_size=chunk_size,
         held_out_chunks=held_out,
         epochs=epochs,
+        restart_epochs=restart_epochs,
     )
     if fleet_chunks and config.held_out_fleet_chunks >= fleet_chunks:
         raise ModelError(f"--held-out {held_out}: of {fleet_chunks} chunks of the fleet none is left to learn from")

@@ -43,6 +43,8 @@ class TrainingConfig(Settings):
     epochs: int = setting(9, low=1)
     horizon: float = setting(4 / 3, above=0)  # of the epochs: one rise and fall of the learning rate
     cool_down: float = setting(5 / 9, above=0)  # of the epochs, the last ones, in which it also fades out in a line
+    restart_epochs: int = setting(4, low=0)  # more epochs (warm restart: Loshchilov and Hutter 2017)
+    restart_rate: float = setting(1e-3, above=0)  # the learning rate that falls to 0 in a line over them
     batch: int = setting(32, low=1)
     learning_rate: float = setting(3e-3, above=0)  # at its peak
     weight_decay: float = setting(1e-3, low=0)
@@ -68,7 +70,8 @@ def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimizer, config.learning_rate, round(config.horizon * config.epochs * steps), pct_start=config.warm_up
     )
-    for epoch in range(_resume(checkpoint, config, (network, optimizer, schedule)), config.epochs):
+    total = config.epochs + config.restart_epochs
+    for epoch in range(_resume(checkpoint, config, (network, optimizer, schedule)), total):
         rng = np.random.default_rng([config.seed, epoch])
         order = rng.permutation(len(album))[: steps * config.batch].reshape(steps, config.batch)
         network.train()
@@ -78,15 +81,28 @@ def learn(album: Album, config: TrainingConfig, checkpoint: Path, report: Report
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             optimizer.step()
-            schedule.step()
-            left = 1 - (epoch + (step + 1) / steps) / config.epochs
-            for group in optimizer.param_groups:
-                group["lr"] *= min(1.0, left / config.cool_down)
+            _set_rate(optimizer, schedule, epoch + (step + 1) / steps, config)
             if report:
-                report(f"epoch {epoch + 1} of {config.epochs}", step + 1, steps)
+                report(f"epoch {epoch + 1} of {total}", step + 1, steps)
         state = [part.state_dict() for part in (network, optimizer, schedule)]
         _save(checkpoint, {"config": asdict(config), "epoch": epoch + 1, "state": state})
     return network
+
+
+def _set_rate(
+    optimizer: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    done: float,
+    config: TrainingConfig,
+) -> None:
+    """The learning rate after `done` epochs."""
+    if done <= config.epochs:
+        schedule.step()
+        rate = optimizer.param_groups[0]["lr"] * min(1.0, (1 - done / config.epochs) / config.cool_down)
+    else:
+        rate = config.restart_rate * (1 - (done - config.epochs) / config.restart_epochs)
+    for group in optimizer.param_groups:
+        group["lr"] = rate
 
 
 def _loss(network: KeypointNetwork, samples: Samples) -> torch.Tensor:
