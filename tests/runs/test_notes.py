@@ -45,8 +45,8 @@ def test_a_scale_that_follows_from_sizes_alone_is_said(drive):
 
 
 def test_objects_that_may_face_the_other_way_are_named_with_the_probability():
-    assert heading_notes({1: 0.02, 7: 0.41, 3: 0.12}) == [
-        f"object {number}: front and rear may be exchanged (probability {p}): the viewing angles of its "
-        "detections do not decide"
-        for number, p in ((3, "0.12"), (7, "0.41"))
+    undecided, contrary = "detections do not decide", "detections say so, its masks and key points do not"
+    assert heading_notes({1: 0.02, 7: 0.41, 9: 0.93, 3: 0.12}) == [
+        f"object {number}: front and rear may be exchanged (probability {p}): the viewing angles of its {why}"
+        for number, p, why in ((3, "0.12", undecided), (7, "0.41", undecided), (9, "0.93", contrary))
     ]

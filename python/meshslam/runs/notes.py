@@ -12,6 +12,7 @@ from meshslam.sequences import Sequence
 
 _LONG_S = 1.0  # without objects
 _DOUBTFUL = 0.1  # probability that an object faces the other way
+_CONTRARY = 0.5
 
 
 def imu_notes(sequence: Sequence, config: ImuConfig) -> list[str]:
@@ -50,7 +51,7 @@ def heading_notes(reversed_probabilities: Mapping[int, float]) -> list[str]:
     doubtful = {number: p for number, p in reversed_probabilities.items() if p > _DOUBTFUL}
     return [
         f"object {number}: front and rear may be exchanged (probability {p:.2f}): the viewing angles of its "
-        "detections do not decide"
+        + ("detections do not decide" if p < _CONTRARY else "detections say so, its masks and key points do not")
         for number, p in sorted(doubtful.items())
     ]
 
