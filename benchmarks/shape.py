@@ -1,6 +1,6 @@
 """How well shapes are recovered: rings of views of every car model and eight streets, by the independent scorer.
 
-    .venv/bin/python benchmarks/shape.py [--only ring1 street other_street] [--seeds 2] [--config FILE] [--stages] [--record]
+    .venv/bin/python benchmarks/shape.py [--only ring1 other_street …] [--seeds 2] [--config FILE] [--stages] [--record]
 
 Cases are made once under benchmarks/out/cases; needs the shared data ($MESHSLAM_DATA, or ../shared/data).
 """
