@@ -16,6 +16,7 @@ from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.seen_again import same_place, seen_again
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
@@ -118,7 +119,8 @@ def map_objects(
 
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
-    return _mapping(ended, left_out, detections, tracked, scene, config)
+    found = _mapping(ended, left_out, detections, tracked, scene, config)
+    return found if fixed_tracks else _with_tracks_seen_again(found, frames)
 
 
 def _begun(
@@ -219,6 +221,16 @@ def _mapping(
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     reasons = tuple(sorted(left_out + unfit + doubled, key=lambda r: r.track))
     return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked)
+
+
+def _with_tracks_seen_again(found: ObjectMapping, frames: CameraPath) -> ObjectMapping:
+    """The map without objects that are others seen again, and tracks without an object on those that they show."""
+    detections, gone = same_place(found.map.objects, found.detections, frames)
+    objects = tuple(thing for thing in found.map.objects if thing.id not in gone)
+    detections, left_out = seen_again(objects, detections, found.left_out, frames)
+    left_out = sorted([*left_out, *gone.values()], key=lambda row: row.track)
+    stages = {number: stage for number, stage in found.stages.items() if number not in gone}
+    return replace(found, map=Map(objects), detections=detections, left_out=tuple(left_out), stages=stages)
 
 
 def make_scene(
