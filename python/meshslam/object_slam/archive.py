@@ -98,7 +98,8 @@ def _mask(packed: Bytes, estimator: SlamEstimator) -> Bytes:
 
 
 def _landmark_to_plain(mark: Landmark) -> dict[str, Any]:
-    row = {name: getattr(mark, name) for name in ("number", "track", "views", "nearest_m", "last_distance_m", "moves")}
+    names = ("number", "track", "views", "nearest_m", "last_distance_m", "moves", "is_withdrawn")
+    row = {name: getattr(mark, name) for name in names}
     left = mark.pose_covariance
     row |= {
         "pose_covariance": None if left is None else left.tolist(),
