@@ -187,6 +187,16 @@ def test_a_landmark_whose_shape_no_car_has_is_taken_back_and_its_track_may_becom
     assert {mark.track for mark in withdrawn} & set(estimator.candidates)
 
 
+def test_covariances_of_landmarks_are_there_when_one_was_taken_back_and_has_left_the_window(copied, run, drive):
+    estimator = copied(max_shape_error=1e-6, start_views=1000, lag_s=0.3)
+    run(estimator, SAVED + 1, start=SAVED)
+    withdrawn = {n for n, mark in estimator.landmarks.items() if mark.is_withdrawn}
+    run(estimator, len(drive), start=SAVED + 1)
+    assert any(not estimator.smoother.objects.holds(n) for n in withdrawn)
+    known = estimator.landmark_covariances()
+    assert set(known) == {n for n, mark in estimator.landmarks.items() if mark.counts}
+
+
 def test_the_size_that_all_cars_share_is_no_reason_to_take_one_back(copied, run):
     """All cars 10 sigmas larger along the scale direction are one place's large cars."""
     estimator = copied()

@@ -33,7 +33,7 @@ class SlamConfig(Settings):
     crop_margin: float = expert(0.2, low=0)  # of a box's size, around it: a view expects an object of the graph near it
     # without a map these are seen in turns only; with larger sigmas, systematic errors of shapes move them
     time_offset_sigma_s: float = expert(0.005, above=0)
-    extrinsic_rotation_sigma_deg: float = expert(0.3, above=0)
+    extrinsic_rotation_sigma_deg: float = expert(0.1, above=0)
     # more than in a known map: the camera shakes against the IMU
     gyroscope_noise: float = public(3e-3, above=0, unit="rad/s/√Hz", doc="noise density, instead of estimation.imu's")
     odometry: OdometryConfig = field(default_factory=OdometryConfig)

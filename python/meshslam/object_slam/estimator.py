@@ -189,8 +189,8 @@ class SlamEstimator:
             return self.smoother.objects.pose_covariance(number)
 
     def landmark_covariances(self) -> dict[int, Floats]:
-        """As `landmark_covariance` of every landmark, at the cost of one."""
-        held = {number: mark.pose_covariance for number, mark in self.landmarks.items()}
+        """As `landmark_covariance` of every landmark that counts, at the cost of one."""
+        held = {number: mark.pose_covariance for number, mark in self.landmarks.items() if mark.counts}
         with self.smoother.objects.linearizations_kept():
             current = self.smoother.objects.pose_covariances([n for n, left in held.items() if left is None])
         return {n: current[n] if left is None else left for n, left in held.items()}
