@@ -31,6 +31,7 @@ from results import record
 from trajectory_uncertainty import DRAWN, drawn
 
 import meshslam
+from meshslam.errors import SequenceError
 
 SEEDS_APART = 1000
 STREETS, STREET_FRAMES = (11, 12, 13, 14), 60
@@ -89,9 +90,12 @@ def length_m(positions: np.ndarray) -> float:
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
-def run(job: Job, runs: Path) -> tuple[Job, list[float]]:
-    """Run a job, score it."""
-    result = meshslam.slam(job.case, config=job.settings)
+def run(job: Job, runs: Path) -> tuple[Job, list[float] | str]:
+    """Run a job, score it; why it was refused, if it was: a drawn IMU may contradict its start."""
+    try:
+        result = meshslam.slam(job.case, config=job.settings)
+    except SequenceError as error:
+        return job, str(error)
     out = runs / job.name.replace(" ", "_").replace(",", "")
     result.map.save(out)
     poses = [pose.matrix for pose in result.trajectory.world_from_camera]
@@ -141,6 +145,9 @@ def main() -> None:
     print(f"{'':34s}" + "".join(f"{title:>10s}" for title in TITLES))
     with ProcessPoolExecutor(a.workers) as pool:
         for job, row in pool.map(partial(run, runs=a.work / "runs"), chosen):
+            if isinstance(row, str):
+                print(f"{job.name:34s} refused: {row}")
+                continue
             show(job.name, row)
             kinds.setdefault(job.kind, []).append(row)
     print()
