@@ -55,6 +55,7 @@ def another(known, config):
 
 
 ADDED = (  # since 0.1
+    "slam.max_shape_error",
     "input.category_names",
     "input.adapter",
     "input.allow_outside",
