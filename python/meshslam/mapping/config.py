@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from meshslam.moving import MovingConfig
 from meshslam.settings import Settings, expert, public
 
 
@@ -21,3 +22,4 @@ class MappingConfig(Settings):
     use_ground: bool = public(True, doc="the road below the camera's path holds the objects' wheels")
     estimate_noise: bool = expert(True)  # the border's sigma and correlation length, from the first fits
     passes: int = expert(2, low=1)  # the second knows the others' depth and shape
+    moving: MovingConfig = field(default_factory=MovingConfig)

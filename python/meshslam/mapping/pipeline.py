@@ -15,6 +15,7 @@ from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.moving import moving_objects
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
@@ -117,7 +118,8 @@ def map_objects(
 
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
-    return _mapping(ended, left_out, detections, tracked, scene, config)
+    mapping = _mapping(ended, left_out, detections, tracked, scene, config)
+    return _with_moving(mapping, tracks, scene, placed, config, progress)
 
 
 def _begun(
@@ -178,6 +180,19 @@ def _mapping(
     stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
     reasons = tuple(sorted(left_out + unfit + doubled, key=lambda r: r.track))
     return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked)
+
+
+def _with_moving(
+    mapping: ObjectMapping,
+    tracks: list[Track],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    progress: Progress | None,
+) -> ObjectMapping:
+    """What was left out because it moves, as moving objects of the map."""
+    moving, left_out = moving_objects(mapping.left_out, tracks, scene, occluders, config, progress)
+    return replace(mapping, map=replace(mapping.map, moving=moving), left_out=tuple(left_out))
 
 
 def make_scene(

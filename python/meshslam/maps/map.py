@@ -15,6 +15,8 @@ from meshslam.errors import GeometryError, MapError
 from meshslam.files import Content, map_file, must_exist, real_path, remove_leftovers, write_together
 from meshslam.geometry import AnyArray, Floats, Pose
 from meshslam.maps.manifest import MESHES, written_meshes
+from meshslam.maps.moving_object import MOVING, MovingObject
+from meshslam.maps.moving_path import MovingPath
 from meshslam.maps.objects import MapObject
 from meshslam.maps.ply import DECIMALS, PlyMesh, format_ply, read_mesh
 from meshslam.sequences import LARGEST
@@ -30,6 +32,9 @@ FORMAT, VERSION = "meshslam-map", 1
 class Map(Mapping[int, MapObject]):
     """Objects in one world, by their ids, in ascending order: a mapping of id to MapObject.
 
+    The mapping holds what stands. What drives is in `moving`, apart from it: nothing is localized in those, and no
+    loop is closed by them.
+
     MapError for two objects of one id; KeyError, naming the ids that there are, for an id that is not in the map.
 
     Example:
@@ -40,12 +45,14 @@ class Map(Mapping[int, MapObject]):
     """
 
     objects: tuple[MapObject, ...]
+    moving: tuple[MovingObject, ...] = ()
 
     def __post_init__(self) -> None:
-        ids = [thing.id for thing in self.objects]
+        ids = [thing.id for thing in self.objects] + [thing.id for thing in self.moving]
         if len(set(ids)) < len(ids):
             raise MapError(f"a map's objects have different ids, found {sorted(ids)}")
         object.__setattr__(self, "objects", tuple(sorted(self.objects, key=lambda thing: thing.id)))
+        object.__setattr__(self, "moving", tuple(sorted(self.moving, key=lambda thing: thing.id)))
 
     def __len__(self) -> int:
         return len(self.objects)
@@ -67,17 +74,18 @@ class Map(Mapping[int, MapObject]):
 
     @property
     def mesh_files(self) -> tuple[str, ...]:
-        """Names of the meshes that `save` writes, in its folder."""
+        """Names of the meshes, and of the paths of what drives, that `save` writes, in its folder."""
         return self.mesh_files_in(MESHES)
 
     def mesh_files_in(self, meshes: str) -> tuple[str, ...]:
         """The same where `save` is told another folder for them."""
-        return tuple(_mesh_name(thing, meshes) for thing in self.objects)
+        standing = (_mesh_name(thing, meshes) for thing in self.objects)
+        return (*standing, *(name for thing in self.moving for name in thing.files))
 
     def save(
         self, folder: Path | str, *, meshes: str = MESHES, progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Write objects/<id>.ply and, last, map.json: the same map gives the same bytes.
+        """Write objects/<id>.ply, moving/<id>.ply and paths and, last, map.json: the same map gives the same bytes.
 
         Meshes that the map.json before it named go with it, other files stay. MapError if the disk does not take it;
         what was there before then stays. `meshes`, objects or objects-2, is the folder of the meshes: where a map is
@@ -86,13 +94,16 @@ class Map(Mapping[int, MapObject]):
         """
         folder = Path(folder)
         try:
-            (folder / meshes).mkdir(parents=True, exist_ok=True)
+            for name in (meshes, *([MOVING] if self.moving else [])):
+                (folder / name).mkdir(parents=True, exist_ok=True)
+                remove_leftovers(folder / name)
         except OSError as error:
-            raise MapError(f"{folder / meshes}: cannot be made: {error.strerror}") from None
-        remove_leftovers(folder / meshes)
+            raise MapError(f"{error.filename or folder / meshes}: cannot be made: {error.strerror}") from None
         before = written_meshes(folder)
         entries = [_entry(thing.recentred(), meshes) for thing in self.objects]
-        document = {"format": FORMAT, "version": VERSION, "objects": entries}
+        document: dict[str, Any] = {"format": FORMAT, "version": VERSION, "objects": entries}
+        if self.moving:
+            document[MOVING] = [{**_entry(one.body.recentred(), MOVING), **one.entry()} for one in self.moving]
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
         def mesh(index: int) -> bytes:
@@ -103,6 +114,9 @@ class Map(Mapping[int, MapObject]):
         files: dict[Path, Content] = {
             folder / _mesh_name(thing, meshes): partial(mesh, k) for k, thing in enumerate(self.objects)
         }
+        for one in self.moving:
+            mesh_file, table, poses = (folder / name for name in one.files)
+            files |= {mesh_file: _ply_bytes(one.body), table: one.path.to_csv(), poses: one.path.to_tum()}
         write_together({**files, folder / "map.json": text.encode()}, folder / "map.json")
         for name in before:
             if folder / name not in files:
@@ -147,7 +161,24 @@ class Map(Mapping[int, MapObject]):
         for i, entry in enumerate(entries):
             thing = _read_entry(file, i, entry, allow_outside=allow_outside)
             objects.append(_sharing_faces(thing, objects[-1]) if objects else thing)
-        return _named(file, lambda: Map(tuple(objects)))
+        moving = _read_moving(file, document, allow_outside=allow_outside)
+        return _named(file, lambda: Map(tuple(objects), moving))
+
+
+def _read_moving(file: Path, document: Mapping[str, Any], *, allow_outside: bool) -> tuple[MovingObject, ...]:
+    """What drives; none where the document says nothing of it."""
+    entries = document.get(MOVING, [])
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise MapError(f"{file}: {MOVING}: expected a list of objects")
+    found: list[MovingObject] = []
+    for i, entry in enumerate(entries):
+        body, where = _read_entry(file, i, entry, allow_outside=allow_outside, key=MOVING), f"{file}: {MOVING}[{i}]"
+        name, time_s = (_needed(where, entry, key) for key in ("path", "timestamp"))
+        if not isinstance(name, str):
+            raise MapError(f"{where}: path: expected text, found {repr(name)[:60]}")
+        table = _mesh_path(file, name, where, allow_outside=allow_outside)
+        found.append(MovingObject(body, float(_array(where, "timestamp", time_s)), MovingPath.load(table)))
+    return tuple(found)
 
 
 def _sharing_faces(thing: MapObject, other: MapObject) -> MapObject:
@@ -224,9 +255,11 @@ def _read_json(file: Path) -> Mapping[str, Any]:
     return document
 
 
-def _read_entry(file: Path, index: int, entry: Mapping[str, Any], *, allow_outside: bool) -> MapObject:
-    where = f"{file}: objects[{index}]"
-    number, category, name = (_needed(where, entry, key) for key in ("id", "category", "mesh"))
+def _read_entry(
+    file: Path, index: int, entry: Mapping[str, Any], *, allow_outside: bool, key: str = "objects"
+) -> MapObject:
+    where = f"{file}: {key}[{index}]"
+    number, category, name = (_needed(where, entry, needed) for needed in ("id", "category", "mesh"))
     if (
         not isinstance(number, int)
         or isinstance(number, bool)

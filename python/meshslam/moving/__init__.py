@@ -1,0 +1,16 @@
+"""Objects that drive: one shape, and a path with poses, velocity and uncertainty."""
+
+from typing import TYPE_CHECKING
+
+from meshslam.deferred import deferred
+
+if TYPE_CHECKING:
+    from meshslam.moving.config import MovingConfig
+    from meshslam.moving.estimate import Estimated, estimate_moving
+else:
+    __getattr__ = deferred(
+        __name__,
+        {"config": "MovingConfig", "estimate": "Estimated estimate_moving"},
+    )
+
+__all__ = ["Estimated", "MovingConfig", "estimate_moving"]
