@@ -55,6 +55,20 @@ def another(known, config):
 
 
 ADDED = (  # since 0.1
+    "mapping.moving.enabled",
+    "mapping.moving.min_views",
+    "mapping.moving.max_views",
+    "mapping.moving.acceleration",
+    "mapping.moving.steering",
+    "mapping.moving.slip",
+    "mapping.moving.turning",
+    "mapping.moving.speed_sigma_m_s",
+    "mapping.moving.curvature_sigma",
+    "mapping.moving.road_correlation_m",
+    "mapping.moving.min_speed_m_s",
+    "mapping.moving.min_speed_sigmas",
+    "mapping.moving.min_way_m",
+    "objects.max_way_m",
     "input.category_names",
     "input.adapter",
     "input.allow_outside",

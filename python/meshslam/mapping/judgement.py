@@ -39,11 +39,13 @@ def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: b
 
 def _moves(work: Work, scene: Scene) -> str | None:
     """The speed, if the views agree far better with an object that drives than with one that stands."""
-    if len(work.observed.views) < 3 or np.ptp(work.observed.track.times_s) <= 0:
+    seconds = float(np.ptp(work.observed.track.times_s))
+    if len(work.observed.views) < 3 or seconds <= 0:
         return None
     velocity, gain = motion(work.observed, scene, work.found)
     speed = float(np.linalg.norm(velocity[:2]))
-    moving = speed > scene.config.max_speed_m_s and gain > scene.config.motion_gain
+    fast = speed > scene.config.max_speed_m_s or speed * seconds > scene.config.max_way_m
+    moving = fast and gain > scene.config.motion_gain
     return f"its views agree with {speed:.1f} m/s (cost lower by {gain:.0f}), not with one place" if moving else None
 
 

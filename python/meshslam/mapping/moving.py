@@ -6,32 +6,43 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.finished import Finished
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Progress, each, first_pass
 from meshslam.maps import MovingObject
-from meshslam.moving import Estimated, estimate_moving
+from meshslam.moving import Estimated, ShapePrior, estimate_moving
 from meshslam.objects import Occluders, Scene, Track
 
 MOVES = "moves"
+DOUBTED = ("too far", "not on the road", "no such shape", "does not fit its masks")  # may be as it moves
 
 
 def moving_objects(
     left_out: Iterable[LeftOut],
     tracks: Iterable[Track],
+    standing: Iterable[Finished],
     scene: Scene,
     occluders: Occluders,
     config: MappingConfig,
     progress: Progress | None = None,
 ) -> tuple[tuple[MovingObject, ...], list[LeftOut]]:
-    """Objects of the tracks that were left out because they move, and what is left out still, with the reason."""
+    """Objects of the tracks that were left out because they move, or may do so, and what is left out still.
+
+    What stands tells what shapes the drive's objects have.
+    """
     reasons = list(left_out)
-    moved = {row.track for row in reasons if row.reason == MOVES} if config.moving.enabled else set()
+    tried = (MOVES, *DOUBTED) if config.moving.enabled else ()
+    moved = {row.track for row in reasons if row.reason in tried}
     chosen = [track for track in tracks if track.id in moved]
 
+    shapes = ShapePrior.of_drive(
+        [one.shape for one in standing if one.unfit is None and one.shape is not None], scene.model.mode_count
+    )
+
     def estimate(track: Track) -> Estimated:
-        standing = first_pass(track, scene, occluders)
-        state = standing.found.state
-        return estimate_moving(track, state, standing.observed, scene, occluders, config.moving, config.min_mask_iou)
+        first = first_pass(track, scene, occluders)
+        given = (track, first.found.state, first.observed, scene, occluders)
+        return estimate_moving(*given, config.moving, shapes, config.min_mask_iou)
 
     found = dict(zip([t.id for t in chosen], each("moving", estimate, chosen, progress), strict=True))
     objects = tuple(one.object for one in found.values() if one.object is not None)
@@ -43,4 +54,4 @@ def moving_objects(
 
 
 def _doubted(row: LeftOut, found: Estimated) -> LeftOut:
-    return replace(row, detail=f"{row.detail}; {found.doubt}")
+    return replace(row, detail=f"{row.detail}; {found.doubt}") if row.reason == MOVES else row

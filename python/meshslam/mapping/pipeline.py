@@ -119,7 +119,7 @@ def map_objects(
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
     mapping = _mapping(ended, left_out, detections, tracked, scene, config)
-    return _with_moving(mapping, tracks, scene, placed, config, progress)
+    return _with_moving(mapping, tracks, ended, scene, placed, config, progress)
 
 
 def _begun(
@@ -185,13 +185,14 @@ def _mapping(
 def _with_moving(
     mapping: ObjectMapping,
     tracks: list[Track],
+    ended: list[Finished],
     scene: Scene,
     occluders: Occluders,
     config: MappingConfig,
     progress: Progress | None,
 ) -> ObjectMapping:
     """What was left out because it moves, as moving objects of the map."""
-    moving, left_out = moving_objects(mapping.left_out, tracks, scene, occluders, config, progress)
+    moving, left_out = moving_objects(mapping.left_out, tracks, ended, scene, occluders, config, progress)
     return replace(mapping, map=replace(mapping.map, moving=moving), left_out=tuple(left_out))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,8 +10,9 @@ from meshslam.errors import GeometryError
 from meshslam.geometry import ObjectState
 from meshslam.maps import MovingObject
 from meshslam.moving.config import MovingConfig
-from meshslam.moving.finish import Shaped, moving_object, with_own_shape
+from meshslam.moving.finish import moving_object, with_own_shape
 from meshslam.moving.fit import PathFit, fit_path
+from meshslam.moving.shape_prior import ShapePrior
 from meshslam.objects import Occluders, Scene, Track, TrackObservations
 
 
@@ -30,29 +31,46 @@ def estimate_moving(
     scene: Scene,
     occluders: Occluders,
     config: MovingConfig,
+    shapes: ShapePrior,
     min_mask_iou: float,
 ) -> Estimated:
     """Path and mesh of a track that does not fit an object in one place; `standing` is the best such fit."""
-    if len(track.detections) < 3 or (np.diff(track.times_s) <= 0).any():
-        return Estimated(None, "fewer than 3 times: no path follows")
+    if len(track.detections) < config.min_views or (np.diff(track.times_s) <= 0).any():
+        return Estimated(None, f"{len(track.detections)} views of {config.min_views} needed for a path")
     try:
-        fit = fit_path(track, standing, observed, scene, occluders, config)
+        fit = fit_path(track, standing, observed, scene, occluders, config, shapes)
         shaped = with_own_shape(fit, scene, occluders)
-        doubt = _doubt(fit, shaped, config, min_mask_iou)
-        return Estimated(None, doubt) if doubt else Estimated(moving_object(fit, shaped, scene))
+        found = moving_object(fit, shaped, scene)
+        gain = _standing_cost(fit, standing, scene) - fit.at.cost
+        doubt = _doubt(found, gain, scene, config, min_mask_iou)
+        return Estimated(None, doubt) if doubt else Estimated(found)
     except GeometryError as error:
         return Estimated(None, f"its path cannot be solved: {error}")
 
 
-def _doubt(fit: PathFit, shaped: Shaped, config: MovingConfig, min_mask_iou: float) -> str:
+def _standing_cost(fit: PathFit, standing: ObjectState, scene: Scene) -> float:
+    """The cost of the same views with an object in one place: from the fit as such, and from the path's middle."""
+    views, noise, model = fit.problem.views, scene.config.noise, scene.model
+    middle = fit.state.poses[len(fit.state) // 2]
+    starts = [standing, replace(model.state_at(middle), z=fit.state.z)]
+    costs = []
+    for start in starts:
+        ground = scene.ground_at(start.world_from_object.translation)
+        costs.append(model.refine(views, ground, noise, start, modes=True, free_form=False).cost)
+    return min(costs)
+
+
+def _doubt(found: MovingObject, gain: float, scene: Scene, config: MovingConfig, min_mask_iou: float) -> str:
     """Why the path is not to be believed; empty if it is."""
-    state, overlap = fit.state, float(shaped.mask_ious.mean())
-    speed = float(np.abs(state.speeds_m_s).mean())
-    way = float(np.linalg.norm(state.translations[-1] - state.translations[0]))
+    path, overlap = found.path, found.body.mask_iou or 0.0
+    way = float(np.linalg.norm(path.positions_in_world[-1] - path.positions_in_world[0]))
+    certain = float((np.abs(path.speeds_m_s) / path.speed_sigmas_m_s).max())
     if overlap < min_mask_iou:
         return f"its path does not fit its masks: mean mask IoU {overlap:.2f}"
-    if speed < config.min_speed_m_s:
-        return f"its path is too slow to be told from one place: {speed:.1f} m/s"
-    if way < config.min_way_m:
-        return f"its path is too short to be told from one place: {way:.1f} m"
+    if path.mean_speed_m_s < config.min_speed_m_s or way < config.min_way_m:
+        return f"its path is too short to be told from one place: {way:.1f} m at {path.mean_speed_m_s:.1f} m/s"
+    if certain < config.min_speed_sigmas:
+        return f"its speed is not certain: {path.mean_speed_m_s:.1f} m/s is at most {certain:.1f} sigmas"
+    if gain < scene.config.motion_gain:
+        return f"its views agree as well with one place: cost lower by {gain:.0f} on the path"
     return ""

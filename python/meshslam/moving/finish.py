@@ -25,7 +25,10 @@ class Shaped:
 
 
 def with_own_shape(fit: PathFit, scene: Scene, occluders: Occluders) -> Shaped:
-    """Modes and free form by the observation model of what stands: the path tells where each camera was."""
+    """Free form by the observation model of what stands: the path tells where each camera was.
+
+    The modes stay: what is known of the object's size is in the path's fit alone.
+    """
     reference = nearest_detection(fit.track, fit.state)
     at = fit.state.poses[reference]
     cameras = tuple(at @ camera for camera in relative_cameras(fit.track, fit.state))
@@ -35,11 +38,11 @@ def with_own_shape(fit: PathFit, scene: Scene, occluders: Occluders) -> Shaped:
     )
     views = [view.with_surface_sigma(sigma) for view, sigma in zip(made, fit.surface_px, strict=True)]
     state = replace(scene.model.state_at(at), z=fit.state.z)
-    free_form = len(views) >= scene.config.free_form_views
-    ground = scene.ground_at(at.translation)
-    found = scene.model.refine(views, ground, scene.config.noise, state, modes=True, free_form=free_form).state
-    ious = scene.model.mask_ious(views, [found.world_from_object], scene.model.vertices(found))[0]
-    return Shaped(views, found, reference, ious)
+    if len(views) >= scene.config.free_form_views:
+        ground, noise = scene.ground_at(at.translation), scene.config.noise
+        state = scene.model.refine(views, ground, noise, state, modes=False, free_form=True).state
+    ious = scene.model.mask_ious(views, [state.world_from_object], scene.model.vertices(state))[0]
+    return Shaped(views, state, reference, ious)
 
 
 def moving_object(fit: PathFit, shaped: Shaped, scene: Scene) -> MovingObject:

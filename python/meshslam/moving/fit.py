@@ -13,6 +13,7 @@ from meshslam.moving.driving import Driving
 from meshslam.moving.path_state import PathState
 from meshslam.moving.problem import Linearized, PathProblem
 from meshslam.moving.road_contact import Contacts, RoadContact
+from meshslam.moving.shape_prior import ShapePrior
 from meshslam.moving.solver import solve
 from meshslam.moving.start import reversed_state, state_from_boxes, state_from_velocity
 from meshslam.objects import Occluders, Scene, Track, TrackObservations, choose_views, heading_cost, make_views
@@ -44,13 +45,14 @@ def fit_path(
     scene: Scene,
     occluders: Occluders,
     config: MovingConfig,
+    shapes: ShapePrior,
 ) -> PathFit:
     """From the best of several starts: poses first, then poses and shape.
 
     `standing` is the fit as of an object that stands, from `observed`, which have their views.
     """
-    fitting = _Fitting.of(track, scene, occluders, config)
-    starts = _starts(track, standing, observed, scene)
+    fitting = _Fitting.of(track, scene, occluders, config, shapes)
+    starts = [replace(state, z=shapes.mean) for state in _starts(track, standing, observed, scene)]
     posed = [fitting.fitted(start, modes=False) for start in starts]
     posed.sort(key=lambda fit: fit.at.cost + fitting.heading_cost(fit))
     shaped = [fitting.fitted(fit.state, modes=True) for fit in posed[:_SPREAD]]
@@ -83,9 +85,10 @@ class _Fitting:
     config: MovingConfig
     contacts: Contacts | None
     driving: Driving
+    shapes: ShapePrior
 
     @staticmethod
-    def of(track: Track, scene: Scene, occluders: Occluders, config: MovingConfig) -> _Fitting:
+    def of(track: Track, scene: Scene, occluders: Occluders, config: MovingConfig, shapes: ShapePrior) -> _Fitting:
         chosen = tuple(choose_views(track, config.max_views, scene.config))
         seen = track.subset(chosen)
         views = make_views(
@@ -93,7 +96,7 @@ class _Fitting:
         )
         contacts = Contacts.of(scene.category)
         driving = Driving(np.diff(track.times_s), _rear_axle_m(scene), config)
-        return _Fitting(track, chosen, views, scene, config, contacts, driving)
+        return _Fitting(track, chosen, views, scene, config, contacts, driving, shapes)
 
     def fitted(self, start: PathState, *, modes: bool) -> PathFit:
         """The road and what the surface may be off are taken as they are at the start."""
@@ -108,6 +111,7 @@ class _Fitting:
             cameras,
             self.driving,
             self._road(start),
+            self.shapes,
             modes,
         )
         return PathFit(self.track, self.chosen, surface_px, problem, solve(problem, start))

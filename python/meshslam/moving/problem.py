@@ -11,6 +11,7 @@ from meshslam.geometry import BlockSystem, Floats, NoiseModel, ObjectModel, Pose
 from meshslam.moving.driving import Driving
 from meshslam.moving.path_state import NODE_WIDTH, PathState
 from meshslam.moving.road_contact import RoadContact
+from meshslam.moving.shape_prior import ShapePrior
 
 _Add = Callable[[list[int], Floats, Floats], None]
 
@@ -35,6 +36,7 @@ class PathProblem:
     world_from_camera: tuple[Pose, ...]  # of each view
     driving: Driving
     road: RoadContact | None
+    shapes: ShapePrior
     modes: bool  # whether they are estimated, else they stay as they are
 
     def linearized(self, state: PathState) -> Linearized:
@@ -66,7 +68,7 @@ class PathProblem:
         self._add_driving(state, add)
         self._add_road(state, add)
         if self.modes:
-            add([shape], np.eye(len(state.z)), state.z)
+            add([shape], self.shapes.root, self.shapes.residuals(state.z))
         if damping > 0:
             for number, values in diagonal.values.items():
                 system.add_rows([number], np.column_stack([np.diag(np.sqrt(damping * values)), np.zeros(len(values))]))
@@ -95,7 +97,7 @@ class PathProblem:
     def _prior_residuals(self, state: PathState) -> Floats:
         first = np.array([state.speeds_m_s[0], state.curvatures[0]]) / self._start_sigmas
         road = np.zeros(0) if self.road is None else self.road.residuals(state).ravel()
-        return np.concatenate([self.driving.residuals(state).ravel(), first, road, state.z])
+        return np.concatenate([self.driving.residuals(state).ravel(), first, road, self.shapes.residuals(state.z)])
 
     @property
     def _start_sigmas(self) -> Floats:

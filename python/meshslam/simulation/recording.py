@@ -75,7 +75,7 @@ def write_recording(
         height_above_ground_m=street.camera_height_m,
         distortion=street.distortion,
     )
-    _write_truth(street, object_of_annotation, folder)
+    write_truth(street, object_of_annotation, folder)
     return folder
 
 
@@ -183,7 +183,8 @@ def _seen_keypoints(
     return points.round(2), scores.round(3)
 
 
-def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: Path) -> None:
+def write_truth(street: Street, object_of_annotation: dict[int, int], folder: Path) -> None:
+    """Write the cars, parked and driving, which annotation shows which, and the camera's path, for scoring only."""
     parked = [car for car in street.cars if not car.moves]
     moving = [car for car in street.cars if car.moves]
     try:
