@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,14 @@ class MovingObject:
     def vertices_at(self, time_s: float) -> Floats:
         """The mesh's vertices (V, 3) in the world, metres; MapError outside the path's times."""
         return self.path.at(time_s).transform(self.vertices)
+
+    def recentred(self) -> MovingObject:
+        """The same object with the origin of its frame at the centre of its bounding box, at all times."""
+        body = self.body.recentred()
+        if body is self.body:
+            return self
+        origin = (self.vertices.max(axis=0) + self.vertices.min(axis=0)) / 2
+        return replace(self, body=body, path=self.path.of_origin(origin))
 
     @property
     def files(self) -> tuple[str, str, str]:

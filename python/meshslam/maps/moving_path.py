@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +81,18 @@ class MovingPath:
         before, after = self.world_from_object[i - 1], self.world_from_object[i]
         share = float((time_s - self.times_s[i - 1]) / (self.times_s[i] - self.times_s[i - 1]))
         return before @ Pose.exp(share * (before.inverse() @ after).log())
+
+    def of_origin(self, origin: Floats) -> MovingPath:
+        """The path of another point (3,) of the object, with the same axes: covariances and velocities move along."""
+        own_from_point = Pose(np.eye(3), origin)
+        poses = tuple(pose @ own_from_point for pose in self.world_from_object)
+        adjoint = own_from_point.inverse().adjoint()
+        up = np.array([pose.rotation[:, 2] for pose in self.world_from_object])
+        arms = np.array([pose.rotation @ origin for pose in self.world_from_object])
+        swings = np.cross(self.turn_rates_rad_s[:, None] * up, arms)
+        covariances = adjoint @ self.covariances @ adjoint.T
+        velocity = self.velocity_in_world + swings
+        return replace(self, world_from_object=poses, covariances=covariances, velocity_in_world=velocity)
 
     def to_csv(self) -> bytes:
         """Format as moving/<id>.csv (docs/formats.md); MapError if a number is not finite."""
