@@ -7,7 +7,7 @@ from meshslam.geometry import Pose, voxel_iou
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.work import first_pass
 from meshslam.maps import CameraPath
-from meshslam.moving import MovingConfig, ShapePrior, estimate_moving
+from meshslam.moving import MovingConfig, ShapePrior, begin_moving, finish_moving
 from meshslam.objects import ObjectConfig, Occluders, Track
 
 FRAMES, INTERVAL_S = 14, 0.1
@@ -48,8 +48,9 @@ def estimated(car, camera, car_detection, as_set, drive):
         occluders = Occluders(camera, found.by_frame(), path.pose_of_frame())
         track = Track(1, seen, cameras, times_s)
         first = first_pass(track, scene, occluders)
-        given = (track, first.found.state, first.observed, scene, occluders)
-        made = estimate_moving(*given, config or MovingConfig(), ShapePrior.of_category(len(car.modes)), 0.6)
+        settings, prior = config or MovingConfig(), ShapePrior.of_category(len(car.modes))
+        begun = begin_moving(track, first.found.state, first.observed, scene, occluders, settings, prior)
+        made = finish_moving(begun, scene, occluders, settings, prior, 0.6)
         return made, poses, vertices
 
     return of

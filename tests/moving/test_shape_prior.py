@@ -51,3 +51,15 @@ def test_one_wrong_estimate_among_many_moves_the_mean_little(rng):
     wrong = ShapeEvidence(np.array([25.0, -25.0, 25.0]), 0.01 * np.eye(MODES))
     before, after = (ShapePrior.of_drive(known, MODES).mean for known in (right, [*right, wrong]))
     assert np.linalg.norm(after - before) < 0.3
+
+
+def test_an_estimate_under_another_prior_is_turned_into_one_under_the_categorys(rng):
+    told, rows, seen = observed(rng, np.zeros(MODES), 4)
+    factor = rng.normal(size=(MODES, MODES)) + 2 * np.eye(MODES)
+    prior = ShapePrior(rng.normal(size=MODES), factor)
+    precision = factor.T @ factor
+    covariance = np.linalg.inv(precision + rows.T @ rows)
+    z = covariance @ (precision @ prior.mean + rows.T @ seen)
+    found = prior.evidence(z, covariance)
+    np.testing.assert_allclose(found.z, told.z, atol=1e-9)
+    np.testing.assert_allclose(found.covariance, told.covariance, atol=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshslam.errors import GeometryError
 from meshslam.mapping.config import MappingConfig
-from meshslam.mapping.judgement import why_unfit
+from meshslam.mapping.judgement import motion_of, why_unfit
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, mean_iou
 from meshslam.maps import MapObject
@@ -25,15 +25,17 @@ class Finished:
     object: MapObject | None = None
     ious: tuple[float, ...] = ()  # as `mean_ious` names them
     shape: ShapeEvidence | None = None
+    motion_gain: float = 0.0  # by which the cost falls with a velocity
 
 
 def finished(work: Work, scene: Scene, config: MappingConfig) -> Finished:
     """Judge an object whose views are there, and take from them what the map holds."""
-    unfit = why_unfit(work, scene, config)
+    moved = motion_of(work, scene)
+    unfit = why_unfit(work, scene, config, moved=moved)
     if unfit is not None:
         return Finished(work.without_views(), unfit)
     return Finished(
-        work.without_views(), None, _map_object(work, scene), _ious(work, scene), _shape_evidence(work, scene)
+        work.without_views(), None, _map_object(work, scene), _ious(work, scene), _shape_evidence(work, scene), moved[1]
     )
 
 

@@ -15,7 +15,7 @@ from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
-from meshslam.mapping.moving import moving_objects
+from meshslam.mapping.moving import map_moving
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
@@ -191,9 +191,12 @@ def _with_moving(
     config: MappingConfig,
     progress: Progress | None,
 ) -> ObjectMapping:
-    """What was left out because it moves, as moving objects of the map."""
-    moving, left_out = moving_objects(mapping.left_out, tracks, ended, scene, occluders, config, progress)
-    return replace(mapping, map=replace(mapping.map, moving=moving), left_out=tuple(left_out))
+    """What drives, apart from what stands."""
+    found = map_moving(mapping.left_out, tracks, ended, scene, occluders, config, progress)
+    ids = {thing.id for thing in found.objects}
+    stands = tuple(thing for thing in mapping.map.objects if thing.id not in ids)
+    stages = {number: steps for number, steps in mapping.stages.items() if number not in ids}
+    return replace(mapping, map=Map(stands, found.objects), stages=stages, left_out=found.left_out)
 
 
 def make_scene(

@@ -6,12 +6,24 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.moving.config import MovingConfig
-    from meshslam.moving.estimate import Estimated, estimate_moving
+    from meshslam.moving.estimate import Begun, Estimated, begin_moving, finish_moving
     from meshslam.moving.shape_prior import ShapeEvidence, ShapePrior
 else:
     __getattr__ = deferred(
         __name__,
-        {"config": "MovingConfig", "estimate": "Estimated estimate_moving", "shape_prior": "ShapeEvidence ShapePrior"},
+        {
+            "config": "MovingConfig",
+            "estimate": "Begun Estimated begin_moving finish_moving",
+            "shape_prior": "ShapeEvidence ShapePrior",
+        },
     )
 
-__all__ = ["Estimated", "MovingConfig", "ShapeEvidence", "ShapePrior", "estimate_moving"]
+__all__ = [
+    "Begun",
+    "Estimated",
+    "MovingConfig",
+    "ShapeEvidence",
+    "ShapePrior",
+    "begin_moving",
+    "finish_moving",
+]

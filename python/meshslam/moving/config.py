@@ -12,6 +12,7 @@ class MovingConfig(Settings):
     """How vehicles drive, and which tracks become moving objects; random walks per root of a second."""
 
     enabled: bool = expert(True)  # objects that drive are mapped with their paths, else left out
+    doubt_gain: float = expert(8.0, low=0)  # of a parked object whose path is tried, too
     min_views: int = expert(6, low=3)  # that an object needs
     max_views: int = expert(40, low=3)  # observations of an object that are used; every detection has a pose
     acceleration: float = expert(1.0, above=0, unit="m/s/√s")  # of the speed

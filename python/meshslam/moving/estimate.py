@@ -11,8 +11,10 @@ from meshslam.geometry import ObjectState
 from meshslam.maps import MovingObject
 from meshslam.moving.config import MovingConfig
 from meshslam.moving.finish import moving_object, with_own_shape
-from meshslam.moving.fit import PathFit, fit_path
-from meshslam.moving.shape_prior import ShapePrior
+from meshslam.moving.fit import PathFit, fit_path, refit_path
+from meshslam.moving.path_state import PathState
+from meshslam.moving.shape_prior import ShapeEvidence, ShapePrior
+from meshslam.moving.solver import covariances
 from meshslam.objects import Occluders, Scene, Track, TrackObservations
 
 
@@ -24,7 +26,18 @@ class Estimated:
     doubt: str = ""
 
 
-def estimate_moving(
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A track's first path, without its views, and what it tells of the shapes of a drive's objects."""
+
+    track: Track
+    standing: ObjectState  # the best fit as of an object in one place
+    state: PathState | None  # None: there is no path, and `doubt` says why
+    shape: ShapeEvidence | None = None
+    doubt: str = ""
+
+
+def begin_moving(
     track: Track,
     standing: ObjectState,
     observed: TrackObservations,
@@ -32,20 +45,38 @@ def estimate_moving(
     occluders: Occluders,
     config: MovingConfig,
     shapes: ShapePrior,
-    min_mask_iou: float,
-) -> Estimated:
-    """Path and mesh of a track that does not fit an object in one place; `standing` is the best such fit."""
+) -> Begun:
+    """The path of a track that may not fit an object in one place; `standing` is the best such fit."""
     if len(track.detections) < config.min_views or (np.diff(track.times_s) <= 0).any():
-        return Estimated(None, f"{len(track.detections)} views of {config.min_views} needed for a path")
+        few = f"{len(track.detections)} views of {config.min_views} needed for a path"
+        return Begun(track, standing, None, doubt=few)
     try:
         fit = fit_path(track, standing, observed, scene, occluders, config, shapes)
-        shaped = with_own_shape(fit, scene, occluders)
-        found = moving_object(fit, shaped, scene)
-        gain = _standing_cost(fit, standing, scene) - fit.at.cost
-        doubt = _doubt(found, gain, scene, config, min_mask_iou)
-        return Estimated(None, doubt) if doubt else Estimated(found)
+        _, covariance = covariances(fit.problem, fit.at)
+    except GeometryError as error:
+        return Begun(track, standing, None, doubt=f"its path cannot be solved: {error}")
+    return Begun(track, standing, fit.state, shapes.evidence(fit.state.z, covariance))
+
+
+def finish_moving(
+    begun: Begun,
+    scene: Scene,
+    occluders: Occluders,
+    config: MovingConfig,
+    shapes: ShapePrior,
+    min_mask_iou: float,
+) -> Estimated:
+    """Path and mesh with what the drive's other objects tell of shapes; or why it is no moving object."""
+    if begun.state is None:
+        return Estimated(None, begun.doubt)
+    try:
+        fit = refit_path(begun.track, begun.state, scene, occluders, config, shapes)
+        found = moving_object(fit, with_own_shape(fit, scene, occluders), scene)
+        gain = _standing_cost(fit, begun.standing, scene) - fit.at.cost
     except GeometryError as error:
         return Estimated(None, f"its path cannot be solved: {error}")
+    doubt = _doubt(found, gain, scene, config, min_mask_iou)
+    return Estimated(None, doubt) if doubt else Estimated(found)
 
 
 def _standing_cost(fit: PathFit, standing: ObjectState, scene: Scene) -> float:

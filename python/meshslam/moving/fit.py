@@ -56,8 +56,19 @@ def fit_path(
     posed = [fitting.fitted(start, modes=False) for start in starts]
     posed.sort(key=lambda fit: fit.at.cost + fitting.heading_cost(fit))
     shaped = [fitting.fitted(fit.state, modes=True) for fit in posed[:_SPREAD]]
-    best = min(shaped, key=lambda fit: fit.at.cost + fitting.heading_cost(fit))
-    return fitting.fitted(best.state, modes=True)
+    return min(shaped, key=lambda fit: fit.at.cost + fitting.heading_cost(fit))
+
+
+def refit_path(
+    track: Track,
+    start: PathState,
+    scene: Scene,
+    occluders: Occluders,
+    config: MovingConfig,
+    shapes: ShapePrior,
+) -> PathFit:
+    """Once more from a state, with the road below it, and what else is known of shapes by then."""
+    return _Fitting.of(track, scene, occluders, config, shapes).fitted(start, modes=True)
 
 
 def _starts(track: Track, standing: ObjectState, observed: TrackObservations, scene: Scene) -> list[PathState]:

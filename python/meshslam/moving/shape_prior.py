@@ -62,6 +62,12 @@ class ShapePrior:
         precision = np.linalg.inv(np.eye(modes) + covariance)
         return ShapePrior(mean, np.asarray(np.linalg.cholesky(precision).T, float))
 
+    def evidence(self, z: Floats, covariance: Floats) -> ShapeEvidence:
+        """What an estimate with its covariance (modes, modes) under this prior would be under N(0, I)."""
+        precision, prior = np.linalg.inv(covariance), self.root.T @ self.root
+        without = np.linalg.inv(precision - prior + np.eye(len(z)))
+        return ShapeEvidence(without @ (precision @ z - prior @ self.mean), np.asarray(without, float))
+
     def residuals(self, z: Floats) -> Floats:
         """Independent residuals (modes,), in standard deviations; `root` is their derivative."""
         found: Floats = self.root @ (z - self.mean)
