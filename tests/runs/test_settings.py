@@ -57,6 +57,7 @@ def another(known, config):
 ADDED = (  # since 0.1
     "mapping.moving.enabled",
     "mapping.moving.doubt_gain",
+    "mapping.moving.min_gain",
     "mapping.moving.min_views",
     "mapping.moving.max_views",
     "mapping.moving.acceleration",

@@ -24,4 +24,5 @@ class MovingConfig(Settings):
     road_correlation_m: float = expert(10.0, above=0)  # over which errors of the road's height are alike
     min_speed_m_s: float = expert(0.5, low=0)  # mean over the path
     min_speed_sigmas: float = expert(3.0, low=0)  # of the speed where it is most certain
+    min_gain: float = expert(8.0, low=0)  # by which the path must cost less than one place
     min_way_m: float = expert(2.0, low=0)  # between first and last place

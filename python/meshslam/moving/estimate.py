@@ -75,7 +75,7 @@ def finish_moving(
         gain = _standing_cost(fit, begun.standing, scene) - fit.at.cost
     except GeometryError as error:
         return Estimated(None, f"its path cannot be solved: {error}")
-    doubt = _doubt(found, gain, scene, config, min_mask_iou)
+    doubt = _doubt(found, gain, config, min_mask_iou)
     return Estimated(None, doubt) if doubt else Estimated(found)
 
 
@@ -91,7 +91,7 @@ def _standing_cost(fit: PathFit, standing: ObjectState, scene: Scene) -> float:
     return min(costs)
 
 
-def _doubt(found: MovingObject, gain: float, scene: Scene, config: MovingConfig, min_mask_iou: float) -> str:
+def _doubt(found: MovingObject, gain: float, config: MovingConfig, min_mask_iou: float) -> str:
     """Why the path is not to be believed; empty if it is."""
     path, overlap = found.path, found.body.mask_iou or 0.0
     way = float(np.linalg.norm(path.positions_in_world[-1] - path.positions_in_world[0]))
@@ -102,6 +102,6 @@ def _doubt(found: MovingObject, gain: float, scene: Scene, config: MovingConfig,
         return f"its path is too short to be told from one place: {way:.1f} m at {path.mean_speed_m_s:.1f} m/s"
     if certain < config.min_speed_sigmas:
         return f"its speed is not certain: {path.mean_speed_m_s:.1f} m/s is at most {certain:.1f} sigmas"
-    if gain < scene.config.motion_gain:
+    if gain < config.min_gain:
         return f"its views agree as well with one place: cost lower by {gain:.0f} on the path"
     return ""
