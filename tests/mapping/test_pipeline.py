@@ -71,6 +71,17 @@ def test_what_moves_is_left_out_where_moving_objects_are_not_asked_for(street, f
     assert mapping.map.moving == ()
 
 
+def test_what_the_motion_test_lets_pass_is_tried_by_its_path(street, frames, tracked, car):
+    """The motion test never fires: the car is mapped as standing, or left out as unfit, until its path is tried."""
+    moving = next(body.id for body in street.cars if body.moves)
+    blind = ObjectConfig(motion_gain=1e9)
+    mapping = map_objects(frames, tracked, car, blind, MappingConfig(), fixed_tracks=True)
+    assert [one.id for one in mapping.map.moving] == [moving]
+    assert moving not in mapping.map
+    assert moving not in mapping.stages
+    assert moving not in reasons(mapping)
+
+
 def test_what_does_not_drive_stays_left_out_and_says_why(street, frames, tracked, car):
     moving = next(body.id for body in street.cars if body.moves)
     doubting = MappingConfig(moving=MovingConfig(min_speed_sigmas=1e6))

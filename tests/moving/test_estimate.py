@@ -27,13 +27,17 @@ def turning(i, speed=4.5, curvature=1 / 9.0):
     return Pose.from_yaw(heading, rear + REAR_M * np.array([np.cos(heading), np.sin(heading), 0.0]))
 
 
+def ahead(i):
+    return Pose.from_yaw(0.0, np.array([14.0 + STEP_M * i, 0.0, 0.0]))
+
+
 def standing(_i):
     return Pose.from_yaw(np.pi, np.array([20.0, 2.6, 0.0]))
 
 
 @pytest.fixture(scope="module")
 def estimated(car, camera, car_detection, as_set, drive):
-    def of(pose_of, z=0.0, config=None):
+    def of(pose_of, z=0.0, config=None, prior=None):
         weights = np.zeros(len(car.modes))
         weights[:3] = z
         vertices = car.shape(weights)
@@ -48,7 +52,7 @@ def estimated(car, camera, car_detection, as_set, drive):
         occluders = Occluders(camera, found.by_frame(), path.pose_of_frame())
         track = Track(1, seen, cameras, times_s)
         first = first_pass(track, scene, occluders)
-        settings, prior = config or MovingConfig(), ShapePrior.of_category(len(car.modes))
+        settings, prior = config or MovingConfig(), prior or ShapePrior.of_category(len(car.modes))
         begun = begin_moving(track, first.found.state, first.observed, scene, occluders, settings, prior)
         made = finish_moving(begun, scene, occluders, settings, prior, 0.6)
         return made, poses, vertices
@@ -124,3 +128,27 @@ def test_few_views_make_no_path(estimated):
     made, _, _ = estimated(oncoming, config=MovingConfig(min_views=FRAMES + 1))
     assert made.object is None
     assert made.doubt == f"{FRAMES} views of {FRAMES + 1} needed for a path"
+
+
+def test_free_form_moves_nothing_along_the_line_of_sight(estimated, car):
+    """A car that goes ahead of the camera at its speed: views alone tell no distance, so that only the path may."""
+    made, poses, vertices = estimated(ahead, z=0.8)
+    found = made.object
+    centre = found.path.world_from_object[0].translation - [0.0, 0.0, 1.65]
+    near = np.linalg.norm(centre) / np.linalg.norm(poses[0].translation - [0.0, 0.0, 1.65])
+    size = np.ptp(found.vertices, axis=0)[1:] / np.ptp(vertices, axis=0)[1:]
+    np.testing.assert_allclose(size, near, atol=0.03)  # as large as it is far
+
+
+def test_its_size_follows_the_drives_other_cars_where_views_leave_it_open(estimated, car):
+    modes = len(car.modes)
+    along = int(np.argmax(np.abs(car.modes[:, :, 1]).max(1)))  # the mode that makes cars widest
+    shift = np.zeros(modes)
+    shift[along] = 3.0
+    sizes = []
+    for mean in (-shift, shift):
+        prior = ShapePrior(mean, np.eye(modes))
+        made, _, _ = estimated(ahead, prior=prior)
+        sizes.append(np.ptp(made.object.vertices, axis=0)[1])
+    expected = [np.ptp(car.shape(mean), axis=0)[1] for mean in (-shift, shift)]
+    assert (sizes[1] - sizes[0]) / (expected[1] - expected[0]) > 0.2
