@@ -117,6 +117,7 @@ ADDED = (  # since 0.1
     "merging.size_ratio",
     "merging.max_misfit",
     "merging.bent_share",
+    "mapping.common_shape_sigma",
     "merging.constellations.pair_radius_m",
     "merging.constellations.place_sigma_m",
     "merging.constellations.drift_share",

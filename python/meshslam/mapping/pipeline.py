@@ -10,6 +10,7 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Floats, ObjectState, Pose
+from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, scene_about, shape_evidence
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
@@ -97,7 +98,7 @@ def map_objects(
 
     # each object goes through a whole sweep at once, so that its views are made once and need not be kept
     work, scene = _begun(tracks, scene, occluders, known, config, held, progress, tell)
-    work, gone = _fitted(work, scene, config, held, progress)
+    work, scene, gone = _fitted(work, scene, occluders, config, held, progress)
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
@@ -148,19 +149,59 @@ def _begun(
 
 
 def _fitted(
-    work: list[Work], scene: Scene, config: MappingConfig, held: HeldViews, progress: Progress | None
-) -> tuple[list[Work], list[LeftOut]]:
+    work: list[Work],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    held: HeldViews,
+    progress: Progress | None,
+) -> tuple[list[Work], Scene, list[LeftOut]]:
     """Fitted with the noise known; what is no parked object is left out, but for its shape.
 
-    The last sweep knows what hides an object, and may mend its shape.
+    Until places are known, masks alone tell what hides an object. What seems unfit then is fitted and judged again by
+    the places of all. The last sweep may mend its shape. The scene is that of the drive's common shape.
     """
+    lenient_scene, lenient = _lenient(scene, config)
 
-    def fit(work: Work) -> tuple[Work, LeftOut | None]:
+    def fit(work: Work) -> _Fitted:
         again = fit_again(work.with_views(scene), scene)
-        return held.settled(again), why_unfit(again, scene, config, judge_shape=False)
+        unfit = why_unfit(again, scene, config, judge_shape=False)
+        if unfit is None:
+            return _Fitted(held.settled(again), shape_evidence(again, scene))
+        hopeless = why_unfit(again, lenient_scene, lenient, judge_shape=False)
+        return _Fitted(held.settled(again), None, unfit, hopeless is None)
 
     rows = each("fit", fit, work, progress)
-    return [w for w, unfit in rows if unfit is None], [unfit for _, unfit in rows if unfit is not None]
+    mu = common_shape([row.evidence for row in rows if row.evidence is not None], config.common_shape_sigma)
+    if mu is not None:
+        rows = [replace(row, work=about(row.work, mu)) for row in rows]
+        scene = scene_about(scene, mu)
+    placed = occluders.with_placed(_placed([row.work for row in rows if row.is_candidate], scene))
+
+    def judge(row: _Fitted) -> tuple[Work, LeftOut | None]:
+        again = next_pass(row.work.with_views(scene), scene, occluders, placed)
+        return held.settled(again), why_unfit(again, scene, config, judge_shape=False)
+
+    doubtful = [row for row in rows if row.unfit is not None and row.is_candidate]
+    judged = dict(zip(doubtful, each("judge", judge, doubtful, progress), strict=True))
+    ended = [judged.get(row, (row.work, row.unfit)) for row in rows]
+    return [w for w, unfit in ended if unfit is None], scene, [unfit for _, unfit in ended if unfit is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """An object after its first fit."""
+
+    work: Work
+    evidence: ShapeEvidence | None
+    unfit: LeftOut | None = None
+    is_candidate: bool = True  # for the map, when more is known of what hides it
+
+
+def _lenient(scene: Scene, config: MappingConfig) -> tuple[Scene, MappingConfig]:
+    """What objects are judged by while others may hide them unknown: by masks half as strict, motion a quarter."""
+    motion = replace(scene.config, motion_gain=4 * scene.config.motion_gain)
+    return replace(scene, config=motion), replace(config, min_mask_iou=config.min_mask_iou / 2)
 
 
 def _mapping(
