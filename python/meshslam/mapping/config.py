@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from meshslam.moving import MovingConfig
 from meshslam.settings import Settings, expert, public
 
 
@@ -22,3 +23,4 @@ class MappingConfig(Settings):
     estimate_noise: bool = expert(True)  # the border's sigma and correlation length, from the first fits
     common_shape_sigma: float = expert(0.7, low=0)  # of a drive's mean shape about the category's, in the modes' sigmas
     passes: int = expert(2, low=1)  # the second knows the others' depth and shape
+    moving: MovingConfig = field(default_factory=MovingConfig)

@@ -16,6 +16,7 @@ from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.moving import map_moving
 from meshslam.mapping.seen_again import same_place, seen_again
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
@@ -119,8 +120,10 @@ def map_objects(
 
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
-    found = _mapping(ended, left_out, detections, tracked, scene, config)
-    return found if fixed_tracks else _with_tracks_seen_again(found, frames)
+    mapping = _mapping(ended, left_out, detections, tracked, scene, config)
+    if not fixed_tracks:
+        mapping = _with_tracks_seen_again(mapping, frames)
+    return _with_moving(mapping, tracks, ended, scene, placed, config, progress)
 
 
 def _begun(
@@ -231,6 +234,23 @@ def _with_tracks_seen_again(found: ObjectMapping, frames: CameraPath) -> ObjectM
     left_out = sorted([*left_out, *gone.values()], key=lambda row: row.track)
     stages = {number: stage for number, stage in found.stages.items() if number not in gone}
     return replace(found, map=Map(objects), detections=detections, left_out=tuple(left_out), stages=stages)
+
+
+def _with_moving(
+    mapping: ObjectMapping,
+    tracks: list[Track],
+    ended: list[Finished],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    progress: Progress | None,
+) -> ObjectMapping:
+    """What drives, apart from what stands."""
+    found = map_moving(mapping.left_out, tracks, ended, scene, occluders, config, progress)
+    ids = {thing.id for thing in found.objects}
+    stands = tuple(thing for thing in mapping.map.objects if thing.id not in ids)
+    stages = {number: steps for number, steps in mapping.stages.items() if number not in ids}
+    return replace(mapping, map=Map(stands, found.objects), stages=stages, left_out=found.left_out)
 
 
 def make_scene(
