@@ -1,6 +1,6 @@
 """How well shapes are recovered: rings of views of every car model and eight streets, by the independent scorer.
 
-    .venv/bin/python benchmarks/shape.py [--only ring1 ring8 street] [--seeds 2] [--config FILE] [--stages] [--record]
+    .venv/bin/python benchmarks/shape.py [--only ring1 other_street …] [--seeds 2] [--config FILE] [--stages] [--record]
 
 Cases are made once under benchmarks/out/cases; needs the shared data ($MESHSLAM_DATA, or ../shared/data).
 """
@@ -46,8 +46,23 @@ STREETS = (
     ("0020", 350),
     ("0020", 500),
 )
+OTHER_STREETS = (  # drive, first frame, seed of the cars and the noise
+    ("0000", 0, 1),
+    ("0000", 30, 2),
+    ("0001", 100, 3),
+    ("0001", 320, 4),
+    ("0005", 30, 5),
+    ("0011", 20, 6),
+    ("0011", 253, 7),
+    ("0020", 150, 8),
+    ("0020", 60, 9),
+    ("0001", 0, 10),
+    ("0011", 120, 11),
+    ("0020", 350, 12),
+)
 NEAR_M = 1.0  # a car of the map this near to a true one is that one
 NORMAL = ((68, 1.0), (95, 1.96))  # percent of a normal distribution within so many sigmas
+STREET_GROUPS = ("street_noids", "other_street", "other_street_noids")
 SEEN = 8  # detections that a car of a street must have to count
 
 
@@ -66,12 +81,12 @@ def ring(views: int, seed: int) -> Path:
     return make_case(name, ["ring", str(OUT / "cases" / name), "--views", str(views), "--seed", str(seed)])
 
 
-def street(drive: str, start: int, *, ids: bool = True) -> Path:
+def street(drive: str, start: int, seed: int = 0, *, ids: bool = True) -> Path:
     """Parked cars along a KITTI path."""
-    name = f"street{'' if ids else '_noids'}_{drive}_{start}"
+    name = f"street{'' if ids else '_noids'}_{drive}_{start}" + (f"_{seed}" if seed else "")
     track = DATA / "kitti_tracking" / drive
     where = ["--labels", str(track / "label_02.txt"), "--poses", str(track / "poses.txt")]
-    window = ["--start", str(start), "--frames", "120"] + ([] if ids else ["--no-ids"])
+    window = ["--start", str(start), "--frames", "120", "--seed", str(seed)] + ([] if ids else ["--no-ids"])
     return make_case(name, ["street", str(OUT / "cases" / name), *where, *window])
 
 
@@ -196,7 +211,7 @@ def pooled(rows: list[dict[str, object]]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     groups = [f"ring{n}" for n in RINGS] + ["street"]
-    parser.add_argument("--only", nargs="+", choices=[*groups, "street_noids"], default=groups)
+    parser.add_argument("--only", nargs="+", choices=[*groups, *STREET_GROUPS], default=groups)
     parser.add_argument("--seeds", type=int, default=2, help="cases a car model in a ring")
     parser.add_argument("--cars", type=int, default=24, help="how many car models, evenly chosen")
     parser.add_argument("--config", type=Path)
@@ -214,7 +229,8 @@ def main() -> None:
             for seed in (car + 24 * repeat for repeat in range(a.seeds) for car in cars):
                 jobs.append((group, ring(int(group[4:]), seed), 1, a.config, a.stages))
         else:
-            cases = (street(*where, ids=group == "street") for where in STREETS)
+            chosen = OTHER_STREETS if "other" in group else STREETS
+            cases = (street(*where, ids="noids" not in group) for where in chosen)
             jobs += [(group, case, SEEN, a.config, a.stages) for case in cases]
     table: dict[tuple[str, str], list[dict[str, object]]] = defaultdict(list)
     with ProcessPoolExecutor(a.jobs) as pool:

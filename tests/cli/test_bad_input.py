@@ -1,6 +1,8 @@
 import json
 import re
 import shutil
+import signal
+import sys
 import tempfile
 
 import pytest
@@ -286,6 +288,26 @@ def test_ctrl_c_in_the_middle_of_an_import_is_ctrl_c(monkeypatch, capsys):
         cli_app.main()
     assert end.value.code == 130
     assert capsys.readouterr().err.startswith("interrupted: ")
+
+
+def test_ctrl_c_is_what_native_code_knows_and_ends_a_command_with_130(source, tmp_path, monkeypatch, capsys):
+    handlers = {}
+
+    def interrupted(*_arguments, **_settings):
+        handlers[signal.SIGINT](signal.SIGINT, None)
+
+    monkeypatch.setattr(cli_app.signal, "signal", handlers.__setitem__)
+    monkeypatch.setattr(cli_app.os, "_exit", lambda code: sys.exit(code))
+    monkeypatch.setattr(sys, "argv", ["meshslam", "check", str(source)])
+    monkeypatch.setattr("meshslam.runs.check_recording", interrupted)
+    with pytest.raises(SystemExit) as end:
+        cli_app.main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == (
+        "interrupted: what is written is whole; the same command again goes on from there\n"
+    )
+    with pytest.raises(KeyboardInterrupt):  # Ray's waiting turns any other into a SystemError, and goes on
+        interrupted()
 
 
 def test_a_fault_of_ours_is_one_line_and_a_file(tmp_path, monkeypatch, capsys):

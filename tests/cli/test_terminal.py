@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from meshslam.cli.figures import left_out_line, rows_of
+from meshslam.cli.figures import left_out_line, moving_line, rows_of
 from meshslam.cli.progress import EVERY_S, Lines
 from tests.cli.conftest import COMMAND, ENVIRONMENT, done
 
@@ -39,6 +39,17 @@ def test_one_line_says_what_was_left_out_and_why(tmp_path):
     assert left_out_line(tmp_path) == ""
     (tmp_path / "left_out.json").write_text('{"reasons": 3')
     assert left_out_line(tmp_path) == ""
+
+
+def test_one_line_says_how_many_cars_drive(tmp_path):
+    assert moving_line({"objects_moving": 0}, tmp_path) == ""
+    entries = [{"category": "car", "speed_m_s": {"mean": speed, "max": 9.0}} for speed in (7.04, 3.0)]
+    (tmp_path / "map.json").write_text(json.dumps({"moving": entries}))
+    assert moving_line({"objects_moving": 2}, tmp_path) == f"2 cars that drive: 3.0 to 7.0 m/s ({tmp_path / 'moving'})"
+    (tmp_path / "map.json").write_text(json.dumps({"moving": entries[:1]}))
+    assert moving_line({"objects_moving": 1}, tmp_path) == f"1 car that drives: 7.0 m/s ({tmp_path / 'moving'})"
+    (tmp_path / "map.json").write_text("[]")
+    assert moving_line({"objects_moving": 1}, tmp_path) == ""
 
 
 def test_quiet_says_nothing_but_notes_and_errors(source, source_run, tmp_path):

@@ -75,6 +75,8 @@ def test_in_a_large_map_a_start_is_not_looked_for_among_all_objects(street, tile
     assert known.is_large
     assert len(known.constellations(40.0)) == 1001
     assert known.constellations(40.0) is known.constellations(40.0)
+    large.remove([5])
+    assert len(known.constellations(40.0)) == 1000  # as the map is now
     assert not KnownMap(large.loaded(), 70.0).is_large
 
 

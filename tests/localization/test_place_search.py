@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from meshslam.errors import SequenceError
 from meshslam.geometry import Pose
 from meshslam.localization import LocalMap, RelocalizationConfig
 from meshslam.localization.local_mapping import PlaceSearch, moved_state
@@ -64,6 +65,21 @@ def test_a_place_has_the_first_state_true_to_scale_and_in_the_maps_axes(street):
     assert np.allclose(in_map.velocity_in_world, turned, atol=0.1)
     assert not search.is_over(0.4)
     assert search.is_over(0.6)
+
+
+class Standing(Mapping):
+    """A drive whose first seconds SLAM refuses."""
+
+    def take(self, frame, time_s, imu, detections):
+        raise SequenceError("the camera hardly moves")
+
+
+def test_first_seconds_that_cannot_be_mapped_end_the_search_with_the_reason(street):
+    search = PlaceSearch(SimpleNamespace(constellations=street.constellations), Standing(None), RelocalizationConfig())
+    assert not search.is_over(0.0)
+    assert search.take(0, 0.0, None, ()) is None
+    assert search.is_over(0.0)
+    assert search.refused == "the first seconds cannot be mapped: the camera hardly moves"
 
 
 def test_why_nothing_was_found_is_kept(street):

@@ -11,6 +11,7 @@ from meshslam.evaluation import evaluate_run
 from meshslam.geometry import Pose, voxel_iou
 from meshslam.mapping import MappingConfig, map_objects
 from meshslam.maps import CameraPath
+from meshslam.moving import MovingConfig
 from meshslam.objects import ObjectConfig
 from meshslam.objects.heading import viewing_angle_rad
 from meshslam.perception import read_detections
@@ -49,10 +50,47 @@ def test_steps_bring_the_mesh_nearer_to_the_masks(mapped):
     assert ious["mask_iou_pose"] < ious["mask_iou_shape"]
 
 
-def test_a_car_that_moves_is_left_out(street, mapped):
+def test_a_car_that_moves_is_apart_from_what_stands_with_its_path(street, mapped):
+    car = next(body for body in street.cars if body.moves)
+    assert car.id not in mapped.map
+    assert car.id not in reasons(mapped)
+    [found] = mapped.map.moving
+    assert found.id == car.id
+    path = found.path
+    gaps = [
+        car.at(t).translation - pose.translation for t, pose in zip(path.times_s, path.world_from_object, strict=True)
+    ]
+    assert np.median(np.linalg.norm(gaps, axis=1)) < 0.35
+    np.testing.assert_allclose(path.velocity_in_world, np.tile(car.velocity(0.5), (len(path), 1)), atol=0.4)
+    assert voxel_iou(car.vertices, car.faces, found.vertices, found.faces) > 0.75
+
+
+def test_what_moves_is_left_out_where_moving_objects_are_not_asked_for(street, frames, tracked, car):
     moving = next(body.id for body in street.cars if body.moves)
-    assert reasons(mapped)[moving] == "moves"
-    assert moving not in {thing.id for thing in mapped.map.objects}
+    without = MappingConfig(moving=MovingConfig(enabled=False))
+    mapping = map_objects(frames, tracked, car, ObjectConfig(), without, fixed_tracks=True)
+    assert reasons(mapping)[moving] == "moves"
+    assert mapping.map.moving == ()
+
+
+def test_what_the_motion_test_lets_pass_is_tried_by_its_path(street, frames, tracked, car):
+    """The motion test never fires: the car is mapped as standing, or left out as unfit, until its path is tried."""
+    moving = next(body.id for body in street.cars if body.moves)
+    blind = ObjectConfig(motion_gain=1e9)
+    mapping = map_objects(frames, tracked, car, blind, MappingConfig(), fixed_tracks=True)
+    assert [one.id for one in mapping.map.moving] == [moving]
+    assert moving not in mapping.map
+    assert moving not in mapping.stages
+    assert moving not in reasons(mapping)
+
+
+def test_what_does_not_drive_stays_left_out_and_says_why(street, frames, tracked, car):
+    moving = next(body.id for body in street.cars if body.moves)
+    doubting = MappingConfig(moving=MovingConfig(min_speed_sigmas=1e6))
+    mapping = map_objects(frames, tracked, car, ObjectConfig(), doubting, fixed_tracks=True)
+    [row] = [row for row in mapping.left_out if row.track == moving]
+    assert row.reason == "moves"
+    assert "its speed is not certain" in row.detail
 
 
 def test_meshes_are_centred_and_stand_upright_on_the_road(mapped):

@@ -154,6 +154,18 @@ def damage(folder):
         file.write_bytes(b"nothing")
 
 
+def garble(folder):
+    for file in folder.glob("*.pairs.npy"):
+        np.save(file, np.load(file) + 10**6)
+
+
+def spoil(folder):
+    for file in folder.glob("*.cars.npy"):
+        cars = np.load(file)
+        cars["place"] = np.nan
+        np.save(file, cars)
+
+
 def forbid(folder):
     for file in folder.iterdir():
         file.unlink()
@@ -161,7 +173,7 @@ def forbid(folder):
     folder.write_text("a file where the folder should be")
 
 
-@pytest.mark.parametrize("harm", [damage, forbid])
+@pytest.mark.parametrize("harm", [damage, garble, spoil, forbid])
 def test_an_index_that_is_damaged_or_cannot_be_written_is_made_anew(tmp_path, harm):
     rng = np.random.default_rng(6)
     cars = streets(rng, 160)

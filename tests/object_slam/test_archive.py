@@ -36,7 +36,9 @@ def estimator(setup, drive, seen):
     gone = {"in_map": Pose.from_yaw(0.3, np.array([1.0, 2.0, 3.0])), "pose_covariance": np.diag(np.arange(1.0, 7.0))}
     for track in (501, 502):
         number = len(made.landmarks) + 1
-        made.landmarks[number] = replace(mark, number=number, track=track, moves=track == 502, **gone)
+        made.landmarks[number] = replace(
+            mark, number=number, track=track, moves=track == 502, is_withdrawn=track == 501, **gone
+        )
     made.joined = [(2, 1), (len(made.landmarks), 2)]
     made.moving |= {31, 502}
     made.odometry_frame.map_from_odometry = Pose.from_yaw(0.1, np.array([0.4, 0.2, 0.1]))

@@ -170,6 +170,43 @@ def test_a_moving_car_that_the_start_took_for_a_parked_one_is_taken_back(setup, 
     assert not any(mark.moves for mark in parked)
 
 
+# --- shapes that no car has
+
+
+def test_a_landmark_whose_shape_no_car_has_is_taken_back_and_its_track_may_become_another(copied, run):
+    estimator = run(copied(max_shape_error=1e-6), SAVED + 1, start=SAVED)
+    withdrawn = [mark for mark in estimator.landmarks.values() if mark.is_withdrawn]
+    assert withdrawn
+    for mark in withdrawn:
+        assert not mark.counts
+        assert mark.track not in estimator.moving
+        assert mark.track not in estimator.in_view
+        assert observations(estimator, mark.number) == []
+        assert not road_entries(estimator, mark.number)
+    run(estimator, SAVED + 2, start=SAVED + 1)
+    assert {mark.track for mark in withdrawn} & set(estimator.candidates)
+
+
+def test_covariances_of_landmarks_are_there_when_one_was_taken_back_and_has_left_the_window(copied, run, drive):
+    estimator = copied(max_shape_error=1e-6, start_views=1000, lag_s=0.3)
+    run(estimator, SAVED + 1, start=SAVED)
+    withdrawn = {n for n, mark in estimator.landmarks.items() if mark.is_withdrawn}
+    run(estimator, len(drive), start=SAVED + 1)
+    assert any(not estimator.smoother.objects.holds(n) for n in withdrawn)
+    known = estimator.landmark_covariances()
+    assert set(known) == {n for n, mark in estimator.landmarks.items() if mark.counts}
+
+
+def test_the_size_that_all_cars_share_is_no_reason_to_take_one_back(copied, run):
+    """All cars 10 sigmas larger along the scale direction are one place's large cars."""
+    estimator = copied()
+    mark = next(iter(estimator.landmarks.values()))
+    before = estimator._shape_error(mark)
+    mark.z = mark.z + 10.0 * estimator._scale_direction
+    assert estimator._shape_error(mark) == pytest.approx(before)
+    assert not any(m.is_withdrawn for m in run(copied(), SAVED + 2, start=SAVED).landmarks.values())
+
+
 # --- the distance travelled and loop closure
 
 

@@ -65,11 +65,21 @@ def displacements(smoother):
 
 def test_every_displacement_that_is_found_is_counted_and_is_a_factor(measured):
     asked, road = measured(lambda expected_m: 1.01 * expected_m), RoadDisplacements(CAMERA, 1.6, CONFIG)
-    smoother = drive(12, road)
-    assert road.count == len(displacements(smoother)) == len(asked) > 3
+    smoother = drive(14, road)
+    assert road.count == len(displacements(smoother)) == len(asked) - 2 > 3  # the first two are not confirmed yet
     keys = {entry.keys for entry in displacements(smoother)}
     assert len(keys) == road.count  # each between two other frames
     assert all(np.linalg.norm(b.translation - a.translation) >= CONFIG.min_baseline_m for a, b in asked)
+
+
+@pytest.mark.parametrize(("every", "is_used"), [(4, False), (3, False), (1, True)])
+def test_a_displacement_that_few_frames_about_it_show_is_chance(measured, every, is_used):
+    frame = iter(range(100))
+    measured(lambda expected_m: 1.1 * expected_m if next(frame) % every == 0 else None)
+    road = RoadDisplacements(CAMERA, 1.6, CONFIG)
+    smoother = drive(20, road)
+    assert (road.count > 0) == is_used
+    assert len(displacements(smoother)) == road.count
 
 
 def test_what_the_texture_does_not_tell_is_neither_counted_nor_a_factor(measured):
@@ -94,8 +104,8 @@ def test_a_frame_is_measured_once_the_camera_has_driven_over_its_road_and_only_o
 @pytest.mark.parametrize("share", [0.95, 1.06])
 def test_the_path_is_drawn_to_the_length_that_the_road_says(measured, share):
     measured(lambda _: share * 2 * STEP_M)
-    smoother = drive(14, RoadDisplacements(CAMERA, 1.6, replace(CONFIG, sigma_share=0.002)))
+    smoother = drive(16, RoadDisplacements(CAMERA, 1.6, replace(CONFIG, sigma_share=0.002)))
     smoother.window.optimize(10)
-    places = np.array([smoother.estimate(f).world_from_camera.translation for f in range(9)])
-    both = np.linalg.norm(places[2:] - places[:-2], axis=1)
+    places = np.array([smoother.estimate(f).world_from_camera.translation for f in range(11)])
+    both = np.linalg.norm(places[2:] - places[:-2], axis=1)[2:]
     assert both[:7] == pytest.approx(share * 2 * STEP_M, rel=0.01)

@@ -182,3 +182,14 @@ def test_without_refinement_the_map_is_the_graphs(drive, seen, scene):
     for number, thing in plain.map.items():
         assert np.linalg.norm(thing.world_from_object.translation - scene[number].world_from_object.translation) < 0.6
         assert thing.pose_covariance is not None
+
+
+def test_a_maps_covariances_carry_the_paths(drive, seen, monkeypatch):
+    exact = slammed(drive, seen).map
+    monkeypatch.setattr("meshslam.object_slam.slam.with_path_covariances", lambda scene, *_: scene)
+    own = slammed(drive, seen).map
+    assert len(own) >= 3
+    for number, thing in own.items():
+        added = exact[number].pose_covariance - thing.pose_covariance
+        assert np.linalg.eigvalsh(added).min() > -1e-9
+        assert np.trace(added[:3, :3]) > 1e-4

@@ -7,6 +7,7 @@ import pytest
 from meshslam.errors import SequenceError
 from meshslam.evaluation import read_truth
 from meshslam.geometry import mask_iou
+from meshslam.maps import Map
 from meshslam.perception import read_detections
 from meshslam.sequences import check_sequence, open_sequence
 from meshslam.simulation import EXACT, ObserverConfig, StreetConfig, make_street, observe, render_image, write_recording
@@ -106,3 +107,14 @@ def test_a_folder_that_cannot_be_written_is_named(car, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SequenceError, match="file"):
         write_recording(make_street(car, 0, StreetConfig(frames=1, width_px=100, height_px=40)), tmp_path / "file")
+
+
+def test_the_truth_of_what_drives_is_a_map_of_its_own(street, folder):
+    [car] = [body for body in street.cars if body.moves]
+    [found] = Map.load(folder / "moving.json").moving
+    assert found.id == car.id
+    for i, (time_s, pose) in enumerate(zip(found.path.times_s, found.path.world_from_object, strict=True)):
+        np.testing.assert_allclose(pose.matrix, car.at(float(time_s)).matrix, atol=1e-6)
+        np.testing.assert_allclose(found.path.velocity_in_world[i], car.velocity(float(time_s)), atol=1e-5)
+    np.testing.assert_allclose(found.vertices, car.vertices, atol=1e-6)
+    assert car.id not in {entry["id"] for entry in json.loads((folder / "objects.json").read_text())["objects"]}

@@ -67,3 +67,29 @@ def test_a_street_that_bends_takes_cars_fronts_and_camera_with_it(car):
     assert kinds == {1.0, -1.0}
     _, aside = street.road.coordinates(np.array([pose.translation for pose in street.world_from_camera]))
     assert np.abs(aside + 1.1).max() < 0.3  # the right lane
+
+
+def test_a_car_turns_off_to_its_right_by_its_rear_axle_and_nothing_stands_in_its_way(car):
+    config = StreetConfig(frames=10, turning_cars=1, moving_cars=0, bend_deg=8.0)
+    street = make_street(car, 3, config)
+    [turning] = [body for body in street.cars if body.moves]
+    times = np.arange(0.0, 8.0, 0.1)
+    yaws = np.unwrap([turning.at(float(t)).yaw_rad for t in times])
+    assert np.degrees(yaws[-1] - yaws[0]) == pytest.approx(-90.0, abs=6.0)
+    rates = np.diff(yaws) / 0.1
+    assert rates.min() == pytest.approx(-config.turning_speed_m_s / config.turning_radius_m, rel=0.15)
+    for t in times:
+        pose, velocity = turning.at(float(t)), turning.velocity(float(t))
+        yaw_rate = (turning.at(float(t + 0.05)).yaw_rad - turning.at(float(t - 0.05)).yaw_rad + np.pi) % (
+            2 * np.pi
+        ) - np.pi
+        rear = velocity - 10.0 * yaw_rate * turning.rear_axle_m * pose.rotation[:, 1]
+        assert abs(rear @ pose.rotation[:, 1]) < 0.25  # it does not skid
+        assert np.linalg.norm(rear) == pytest.approx(config.turning_speed_m_s, abs=0.15)
+        for other in street.cars:
+            if not other.moves:
+                assert np.linalg.norm(other.start.translation[:2] - pose.translation[:2]) > 2.0
+        for wall in street.walls:
+            along = np.linspace(0, 1, 40)[:, None]
+            line = wall.start + along * (wall.end - wall.start)
+            assert np.linalg.norm(line[:, :2] - pose.translation[:2], axis=1).min() > 2.0

@@ -3,7 +3,7 @@ import pytest
 
 from meshslam.categories import load_category
 from meshslam.geometry import Camera, Pose, render
-from meshslam.maps import Map, MapObject
+from meshslam.maps import Map, MapObject, MovingObject, MovingPath
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask
 from meshslam.viewing import ReportContext
 
@@ -44,6 +44,30 @@ def make_car(car):
             "vertex_observed": np.arange(len(car.vertices)) % 3 == 0,
         }
         return MapObject(**(fields | changes))
+
+    return make
+
+
+@pytest.fixture
+def make_moving(make_car):
+    """A car that drives along x through some frames of a run, from (x, y)."""
+
+    def make(number, x, y, first=2, count=6, speed=5.0):
+        body = make_car(number, x, y)
+        height = np.array([0.0, 0.0, body.world_from_object.translation[2]])
+        places = [np.array([x + 0.1 * speed * i, y, 0.0]) + height for i in range(count)]
+        path = MovingPath(
+            10.0 + 0.1 * np.arange(first, first + count),
+            tuple(range(first, first + count)),
+            tuple(Pose.from_yaw(0.0, place) for place in places),
+            np.tile(0.01 * np.eye(6), (count, 1, 1)),
+            np.tile([speed, 0.0, 0.0], (count, 1)),
+            np.full(count, speed),
+            np.full(count, 0.3),
+            np.zeros(count),
+            np.full(count, 0.01),
+        )
+        return MovingObject(body, float(path.times_s[0]), path)
 
     return make
 

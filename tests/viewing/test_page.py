@@ -376,3 +376,23 @@ def test_a_run_without_objects_or_frames_opens(browser, full, tmp_path):
         page.wait_for_timeout(100)
         assert page.faults == []
         page.context.close()
+
+
+def test_what_drives_is_drawn_where_it_is_in_each_frame(browser, full, make_moving, tmp_path):
+    moving = make_moving(40, 15.0, 1.0, first=2, count=6)
+    file = tmp_path / "driving.html"
+    file.write_text(write_report(replace(full, map=type(full.map)(full.map.objects, (moving,)))))
+    page = opened(browser, file)
+    assert page.locator(".plan .way").count() == 1
+    places = []
+    for frame in range(len(full.frame_ids)):
+        page.locator("#slider").fill(str(frame))
+        page.wait_for_selector(f"#frame[data-frame='{frame}']")
+        shown = page.locator(".plan .driving [data-moving='40'] polygon")
+        assert shown.count() == (1 if frame in moving.path.frame_ids else 0)
+        if shown.count():
+            places.append(shown.get_attribute("points"))
+    assert len(set(places)) == len(moving.path)
+    assert "5.0" in page.locator("table.moving").inner_text()
+    page.context.close()
+    assert page.faults == []

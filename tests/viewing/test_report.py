@@ -1,3 +1,4 @@
+import base64
 import json
 import re
 from dataclasses import replace
@@ -120,3 +121,19 @@ def test_truth_is_shown_beside_the_estimate(context, make_car):
 def test_needs_a_pose_a_frame(context):
     with pytest.raises(GeometryError, match="one pose a frame"):
         replace(context, frame_ids=context.frame_ids[:-1])
+
+
+def test_what_drives_has_a_row_and_its_way_in_the_data(context, make_moving):
+    moving = make_moving(40, 15.0, 1.0)
+    page = write_report(replace(context, map=Map(context.map.objects, (moving,))))
+    [row] = re.findall(r"<table class=\"moving\">.*?</table>", page, re.DOTALL)
+    assert "5.0&ndash;5.0" in row
+    assert "2&ndash;7" in row
+    data = json.loads(re.search(r'id="run">(.*?)</script>', page, re.DOTALL).group(1))
+    [entry] = data["moving"]
+    assert entry["frames"] == [2, 3, 4, 5, 6, 7]
+    poses = np.frombuffer(base64.b64decode(entry["poses"]), np.float32).reshape(-1, 12)
+    origin = np.array(data["scene"]["origin"])
+    np.testing.assert_allclose(poses[:, 3::4] + origin, moving.path.positions_in_world, atol=1e-4)
+    assert entry["id"] not in {thing["id"] for thing in data["scene"]["objects"]}
+    assert 'class="moving"' not in write_report(context)

@@ -140,7 +140,7 @@ impl ParkedMap {
     fn near(&self, place: [f64; 2]) -> impl Iterator<Item = &Ready> {
         let [i, j] = [0, 1].map(|axis| floor((place[axis] - self.low[axis]) / self.cell_m));
         let span = |x: i64, count: usize| {
-            let (first, end) = ((x - 1).max(0), (x + 2).min(count as i64));
+            let (first, end) = (x.saturating_sub(1).max(0), x.saturating_add(2).min(count as i64));
             if first < end { first as usize..end as usize } else { 0..0 }
         };
         let (across, along) = (span(i, self.columns), span(j, self.rows));

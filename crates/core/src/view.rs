@@ -150,10 +150,10 @@ impl View {
         (self.hidden[nearest] == 0).then(|| Look { distance_px, direction, own: self.cut[nearest] == 0 })
     }
 
-    /// Whether an occluder covers a pixel; beyond the crop none is known.
+    /// Whether an occluder covers a pixel; one that covers the crop's edge goes on beyond it.
     #[must_use]
     pub fn is_hidden(&self, pixel: &Vector2<f64>) -> bool {
-        self.crop.index(nearest(pixel.x), nearest(pixel.y)).is_some_and(|i| self.hidden[i] > 0)
+        self.hidden[self.nearest(pixel)] > 0
     }
 
     /// Whether the observed border nearest to a pixel is the object's own.

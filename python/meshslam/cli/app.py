@@ -7,10 +7,10 @@ import signal
 import sys
 import tempfile
 import traceback
-from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from meshslam.cli.category import category_app
 from meshslam.cli.check import check
@@ -38,8 +38,25 @@ from meshslam.errors import MeshslamError
 THREADS = "OPENBLAS_NUM_THREADS"  # of NumPy's and SciPy's linear algebra
 USER_ERROR, FAULT, INTERRUPTED = 2, 70, 130
 
+
+class _Interrupted(BaseException):
+    """Ctrl-C; typer would end a KeyboardInterrupt itself, without a word."""
+
+
+class _Commands(TyperGroup):
+    """Commands whose Ctrl-C `main` tells. Until here it is a KeyboardInterrupt: native code knows no other."""
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 # typer's
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise _Interrupted from error
+
+
 app = typer.Typer(
     name="meshslam",
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -87,7 +104,7 @@ app.add_typer(reproduce_app, name="reproduce")
 def main() -> None:
     """Run a command; a user's mistake is one line on stderr and exit code 2, never a traceback."""
     one_blas_thread()
-    signal.signal(signal.SIGINT, _interrupt)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     try:
         app()
     except SystemExit:
@@ -139,14 +156,6 @@ def _fault(error: BaseException) -> str:
         f"{type(error).__name__}: {said}: this is a fault of meshslam, which should have said what is wrong with the "
         f"input: please report it with {file.name}"
     )
-
-
-class _Interrupted(BaseException):
-    """Ctrl-C; typer would end a KeyboardInterrupt itself, without a word."""
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
-    raise _Interrupted
 
 
 def _end(message: str, code: int) -> None:

@@ -23,9 +23,9 @@ def show_figures(figures: dict[str, float], out: Path, *, as_json: bool) -> None
     if is_quiet():
         return
     print_table(figures, out)
-    said = left_out_line(out)
-    if said:
-        print(said)
+    for said in (moving_line(figures, out), left_out_line(out)):
+        if said:
+            print(said)
     print(f"{out / 'report.html'}: open it in a browser, or: meshslam view {out}")
 
 
@@ -68,6 +68,23 @@ def rows_of(figures: Mapping[str, object]) -> list[tuple[str, str, str, str]]:
             rows.append((shown.group, shown.label, text, shown.unit))
     order = list(dict.fromkeys(row[0] for row in rows))
     return sorted(rows, key=lambda row: order.index(row[0]))
+
+
+def moving_line(figures: Mapping[str, float], out: Path) -> str:
+    """How many objects drive, and where their paths are; empty if none does."""
+    count = int(figures.get("objects_moving", 0))
+    if not count:
+        return ""
+    try:
+        entries = json.loads((out / "map.json").read_text(encoding="utf-8"))["moving"]
+        speeds = sorted(float(entry["speed_m_s"]["mean"]) for entry in entries)
+        kinds = {str(entry["category"]) for entry in entries}
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+    kind = kinds.pop() if len(kinds) == 1 else "object"
+    named = f"1 {kind} that drives" if count == 1 else f"{count} {kind}s that drive"
+    span = f"{speeds[0]:.1f} m/s" if count == 1 else f"{speeds[0]:.1f} to {speeds[-1]:.1f} m/s"
+    return f"{named}: {span} ({out / 'moving'})"
 
 
 def left_out_line(out: Path) -> str:

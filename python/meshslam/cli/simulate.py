@@ -24,6 +24,8 @@ def simulate(
     seed: Annotated[int | None, typer.Option(min=0, help="The same seed and settings give the same bytes.")] = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Frames to draw; 28 if not given.")] = None,
     cars: Annotated[int | None, typer.Option(min=1, help="Parked cars on each side.")] = None,
+    movers: Annotated[int | None, typer.Option(min=0, help="Cars that drive: ahead, then oncoming, by turns.")] = None,
+    turning: Annotated[int | None, typer.Option(min=0, help="Oncoming cars that turn off.")] = None,
     mode: Annotated[
         Modes | None, typer.Option(help="contrast: bodies and key points in colours that tell them apart.")
     ] = None,
@@ -54,7 +56,9 @@ def simulate(
     settings = SimulationConfig() if config is None else overlaid(SimulationConfig(), read_yaml(config), str(config))
     given: dict[str, Any] = {"seed": seed, "noise": noise, "keypoints": keypoints, "known_poses": known_poses}
     given |= {"poses": poses, "times": times, "imu": imu, "imu_from_camera": imu_from_camera, "start": start}
-    given["street"] = _chosen({"frames": frames, "cars_each_side": cars, "mode": mode})
+    given["street"] = _chosen(
+        {"frames": frames, "cars_each_side": cars, "moving_cars": movers, "turning_cars": turning, "mode": mode}
+    )
     run_simulate(_given(settings, given), out, overwrite=overwrite)
 
 

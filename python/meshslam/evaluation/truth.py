@@ -44,15 +44,17 @@ def read_truth(sequence_folder: Path, *, allow_outside: bool = False) -> Truth:
 
 def truth_digest(sequence_folder: Path) -> str:
     """Digest of the truth beside a sequence, meshes included; to be asked for once the estimate is on disk."""
-    names = [*("objects.json", "association.json", "groundtruth.tum"), *_meshes(sequence_folder / "objects.json")]
+    named = [*_named(sequence_folder / "objects.json", "objects"), *_named(sequence_folder / "moving.json", "moving")]
+    names = ["objects.json", "association.json", "groundtruth.tum", "moving.json", *named]
     files = [sequence_folder / name for name in names]
     return digest_of({name: digest_of_file(file) for name, file in zip(names, files, strict=True) if file.is_file()})
 
 
-def _meshes(path: Path) -> list[str]:
-    """What the true objects name as their meshes."""
+def _named(path: Path, key: str) -> list[str]:
+    """What the true objects name as their meshes and paths."""
     try:
-        return [str(entry["mesh"]) for entry in json.loads(path.read_text(encoding="utf-8"))["objects"]]
+        entries = json.loads(path.read_text(encoding="utf-8"))[key]
+        return [str(entry[name]) for entry in entries for name in ("mesh", "path") if name in entry]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
 

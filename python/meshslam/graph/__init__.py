@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from meshslam.graph.drive_graph import DrivePrior, LaidDrives, ObjectInDrive, lay_drives
     from meshslam.graph.full_trajectory import Pair
     from meshslam.graph.graph_archive import Arrays
+    from meshslam.graph.object_covariance import ObjectCovariance, moved_covariance
     from meshslam.graph.object_factor import ObservationCost, place_camera, small_rotation
     from meshslam.graph.smoother import FullTrajectory, Smoother
     from meshslam.graph.smoother_archive import smoother_from_arrays, smoother_to_arrays
@@ -27,6 +28,7 @@ else:
             "drive_graph": "DrivePrior LaidDrives ObjectInDrive lay_drives",
             "full_trajectory": "Pair",
             "graph_archive": "Arrays",
+            "object_covariance": "ObjectCovariance moved_covariance",
             "object_factor": "ObservationCost place_camera small_rotation",
             "smoother": "FullTrajectory Smoother",
             "smoother_archive": "smoother_from_arrays smoother_to_arrays",
@@ -44,6 +46,7 @@ __all__ = [
     "Entry",
     "FullTrajectory",
     "LaidDrives",
+    "ObjectCovariance",
     "ObjectInDrive",
     "ObservationCost",
     "Pair",
@@ -55,6 +58,7 @@ __all__ = [
     "begin_with",
     "lay_drives",
     "marginal_of",
+    "moved_covariance",
     "place_camera",
     "small_rotation",
     "smoother_from_arrays",

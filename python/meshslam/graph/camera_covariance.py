@@ -36,7 +36,7 @@ def path_covariances(
     decides, W = `world_from_first_camera`(C_0), the covariance is that of W C_i: the share of the first pose's
     uncertainty that W takes out is out, that of all others is relative to it.
     """
-    by_first = _world_by_first(places[0].pose, world_from_first_camera)
+    by_first = world_by_first(places[0].pose, world_from_first_camera)
     is_moved = bool(np.abs(by_first).max() > 0)
     first = keys[0]
     groups: list[Group] = [k if not is_moved or k == first else (*k, *first[:2]) for k in keys]
@@ -57,7 +57,7 @@ def path_covariances(
     return np.array(out)
 
 
-def _world_by_first(first: Pose, world_from_first_camera: Callable[[Pose], Pose] | None) -> Floats:
+def world_by_first(first: Pose, world_from_first_camera: Callable[[Pose], Pose] | None) -> Floats:
     """Derivative (6, 6) of W over C_0: W(C_0 exp(x)) = W exp(this @ x), by differences; 0 where W is constant."""
     if world_from_first_camera is None:
         return np.zeros((6, 6))

@@ -14,7 +14,7 @@ class StartConfig(Settings):
     position_sigma_m: float = public(0.02, above=0, doc="the first position, from initial_state.yaml")
     rotation_sigma_deg: float = public(0.1, above=0, doc="its roll and pitch")
     heading_sigma_deg: float = public(0.1, above=0, doc="its heading")
-    velocity_sigma_m_s: float = public(0.1, above=0, doc="its velocity")
+    velocity_sigma_m_s: float = public(0.05, above=0, doc="its velocity")
 
 
 @dataclass(frozen=True)

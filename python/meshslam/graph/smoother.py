@@ -15,6 +15,7 @@ from meshslam.graph.camera_states import CameraStates, FrameEstimate
 from meshslam.graph.config import SmootherConfig, StartConfig
 from meshslam.graph.full_trajectory import FindPairs, History, Pair, smooth_full_trajectory
 from meshslam.graph.measurements import Measurements
+from meshslam.graph.object_covariance import ObjectCovariance, object_covariances
 from meshslam.graph.object_factor import CameraPlace, place_camera
 from meshslam.graph.object_variables import ObjectVariables
 from meshslam.graph.record_factors import add_record
@@ -43,6 +44,13 @@ class FullTrajectory:
         """Covariances (n, 6, 6) of the cameras' poses, see `path_covariances`."""
         keys = [(X(f), V(f), ROTATION, OFFSET) for f in range(len(self.places))]
         return path_covariances(self.window, self.places, keys, world_from_first_camera)
+
+    def object_covariances(
+        self, numbers: Sequence[int], world_from_first_camera: Callable[[Pose], Pose] | None = None
+    ) -> dict[int, ObjectCovariance]:
+        """Covariances of landmarks, with the path's uncertainty, see `object_covariances`."""
+        first = self.places[0], (X(0), V(0), ROTATION, OFFSET)
+        return object_covariances(self.window, numbers, first, world_from_first_camera)
 
 
 class Smoother:

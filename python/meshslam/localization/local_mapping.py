@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from meshslam.errors import SequenceError
 from meshslam.geometry import Camera, Pose
 from meshslam.localization.config import RelocalizationConfig
 from meshslam.localization.map_models import KnownMap
@@ -60,20 +61,25 @@ class PlaceSearch:
     refused: str = "no object was mapped"  # why nothing was found so far
     first_s: float | None = None
     _searched_s: float = -1e9
+    _has_failed: bool = False
 
     def take(
         self, frame: int, time_s: float, imu: ImuSamples | None, detections: tuple[Detection, ...]
     ) -> Place | None:
         """The next frame; the place, once it is found."""
         self.first_s = time_s if self.first_s is None else self.first_s
-        self.mapping.take(frame, time_s, imu, detections)
+        try:
+            self.mapping.take(frame, time_s, imu, detections)
+        except SequenceError as problem:
+            self.refused, self._has_failed = f"the first seconds cannot be mapped: {problem}", True
+            return None
         if time_s - self._searched_s < self.config.search_every_s:
             return None
         return self._search(time_s)
 
     def is_over(self, time_s: float) -> bool:
-        """Whether so many frames were taken that others would not help."""
-        return self.first_s is not None and time_s - self.first_s > self.config.give_up_s
+        """Whether other frames would not help: so many were taken, or they cannot be mapped."""
+        return self._has_failed or (self.first_s is not None and time_s - self.first_s > self.config.give_up_s)
 
     def _search(self, time_s: float) -> Place | None:
         local = self.mapping.local_map()

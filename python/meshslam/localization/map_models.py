@@ -139,9 +139,10 @@ class KnownMap:
         return tuple(sorted((o for t in self.scene.tiles() for o in self._ready(t)), key=lambda thing: thing.id))
 
     def constellations(self, radius_m: float) -> ConstellationIndex:
-        """The index of a large map."""
+        """The index of a large map, as the map is now."""
         assert isinstance(self.scene, TiledMap)
-        if self._index is None or self._index.radius_m != radius_m:
+        generation = self.scene.index.generation
+        if self._index is None or (self._index.radius_m, self._index.generation) != (radius_m, generation):
             self._index = self.scene.constellations(radius_m)
         return self._index
 

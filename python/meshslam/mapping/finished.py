@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshslam.errors import GeometryError
 from meshslam.mapping.config import MappingConfig
-from meshslam.mapping.judgement import why_unfit
+from meshslam.mapping.judgement import motion_of, why_unfit
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, mean_iou
 from meshslam.maps import MapObject
+from meshslam.moving import ShapeEvidence
 from meshslam.objects import Scene, TrackObservations, centred, fit_modes, reversed_probability, uncertainty
 
 
@@ -23,15 +25,26 @@ class Finished:
     object: MapObject | None = None
     ious: tuple[float, ...] = ()  # as `mean_ious` names them
     reversed_probability: float | None = None  # that it faces the other way; None where no detection tells
+    shape: ShapeEvidence | None = None
+    motion_gain: float = 0.0  # by which the cost falls with a velocity
 
 
 def finished(work: Work, scene: Scene, config: MappingConfig) -> Finished:
     """Judge an object whose views are there, and take from them what the map holds."""
-    unfit = why_unfit(work, scene, config)
+    moved = motion_of(work, scene)
+    unfit = why_unfit(work, scene, config, moved=moved)
     if unfit is not None:
         return Finished(work.without_views(), unfit)
     doubt = reversed_probability(work.observed.track, work.found.state.world_from_object)
-    return Finished(work.without_views(), None, _map_object(work, scene), _ious(work, scene), doubt)
+    return Finished(
+        work.without_views(),
+        None,
+        _map_object(work, scene),
+        _ious(work, scene),
+        reversed_probability=doubt,
+        shape=_shape_evidence(work, scene),
+        motion_gain=moved[1],
+    )
 
 
 def _map_object(work: Work, scene: Scene) -> MapObject:
@@ -54,6 +67,18 @@ def _map_object(work: Work, scene: Scene) -> MapObject:
         vertex_sigma_m=sigma,
         vertex_observed=seen,
     )
+
+
+def _shape_evidence(work: Work, scene: Scene) -> ShapeEvidence | None:
+    """The modes without free form; None where nothing holds them."""
+    views, noise, found = work.observed.views, scene.config.noise, work.found
+    try:
+        covariance = scene.model.covariance(
+            views, found.ground, noise, found.modes, ["modes"], modes=True, free_form=False
+        )
+    except GeometryError:
+        return None
+    return ShapeEvidence(found.modes.z, covariance)
 
 
 def mean_ious(done: list[Finished]) -> dict[str, float]:

@@ -12,9 +12,23 @@ from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Work, mean_iou
 from meshslam.objects import Reconstruction, Scene, centred, height_over_road_m, motion
 
+Motion = tuple[Floats, float]  # the velocity (3,) that explains the views best, and by how much the cost falls with it
 
-def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: bool = True) -> LeftOut | None:
-    """Why an estimate is no parked object of the category, if it is none; its views are there."""
+
+def motion_of(work: Work, scene: Scene) -> Motion:
+    """The motion test; none where views or times are too few for one."""
+    if len(work.observed.views) < 3 or np.ptp(work.observed.track.times_s) <= 0:
+        return np.zeros(3), 0.0
+    return motion(work.observed, scene, work.found)
+
+
+def why_unfit(
+    work: Work, scene: Scene, config: MappingConfig, *, judge_shape: bool = True, moved: Motion | None = None
+) -> LeftOut | None:
+    """Why an estimate is no parked object of the category, if it is none; its views are there.
+
+    `moved` is the motion test where it was made already.
+    """
     track = work.observed.track
     distance = min(
         float(np.linalg.norm(pose.translation - work.found.state.world_from_object.translation))
@@ -22,7 +36,7 @@ def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: b
     )
     if distance > config.max_distance_m:
         return LeftOut(track.id, "too far", f"{distance:.0f} m at its nearest")
-    moving = _moves(work, scene)
+    moving = _moves(work, scene, moved or motion_of(work, scene))
     if moving is not None:
         return LeftOut(track.id, "moves", moving)
     height, sigma = height_over_road_m(scene, work.found)
@@ -37,13 +51,12 @@ def why_unfit(work: Work, scene: Scene, config: MappingConfig, *, judge_shape: b
     return None
 
 
-def _moves(work: Work, scene: Scene) -> str | None:
+def _moves(work: Work, scene: Scene, moved: Motion) -> str | None:
     """The speed, if the views agree far better with an object that drives than with one that stands."""
-    if len(work.observed.views) < 3 or np.ptp(work.observed.track.times_s) <= 0:
-        return None
-    velocity, gain = motion(work.observed, scene, work.found)
-    speed = float(np.linalg.norm(velocity[:2]))
-    moving = speed > scene.config.max_speed_m_s and gain > scene.config.motion_gain
+    velocity, gain = moved
+    speed, seconds = float(np.linalg.norm(velocity[:2])), float(np.ptp(work.observed.track.times_s))
+    fast = speed > scene.config.max_speed_m_s or speed * seconds > scene.config.max_way_m
+    moving = fast and gain > scene.config.motion_gain
     return f"its views agree with {speed:.1f} m/s (cost lower by {gain:.0f}), not with one place" if moving else None
 
 

@@ -10,11 +10,14 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Floats, ObjectState, Pose
+from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, scene_about, shape_evidence
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
 from meshslam.mapping.judgement import why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.moving import map_moving
+from meshslam.mapping.seen_again import same_place, seen_again
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
@@ -97,7 +100,7 @@ def map_objects(
 
     # each object goes through a whole sweep at once, so that its views are made once and need not be kept
     work, scene = _begun(tracks, scene, occluders, known, config, held, progress, tell)
-    work, gone = _fitted(work, scene, config, held, progress)
+    work, scene, gone = _fitted(work, scene, occluders, config, held, progress)
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
@@ -118,7 +121,10 @@ def map_objects(
 
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
-    return _mapping(ended, left_out, detections, tracked, scene, config)
+    mapping = _mapping(ended, left_out, detections, tracked, scene, config)
+    if not fixed_tracks:
+        mapping = _with_tracks_seen_again(mapping, frames)
+    return _with_moving(mapping, tracks, ended, scene, placed, config, progress)
 
 
 def _begun(
@@ -147,19 +153,59 @@ def _begun(
 
 
 def _fitted(
-    work: list[Work], scene: Scene, config: MappingConfig, held: HeldViews, progress: Progress | None
-) -> tuple[list[Work], list[LeftOut]]:
+    work: list[Work],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    held: HeldViews,
+    progress: Progress | None,
+) -> tuple[list[Work], Scene, list[LeftOut]]:
     """Fitted with the noise known; what is no parked object is left out, but for its shape.
 
-    The last sweep knows what hides an object, and may mend its shape.
+    Until places are known, masks alone tell what hides an object. What seems unfit then is fitted and judged again by
+    the places of all. The last sweep may mend its shape. The scene is that of the drive's common shape.
     """
+    lenient_scene, lenient = _lenient(scene, config)
 
-    def fit(work: Work) -> tuple[Work, LeftOut | None]:
+    def fit(work: Work) -> _Fitted:
         again = fit_again(work.with_views(scene), scene)
-        return held.settled(again), why_unfit(again, scene, config, judge_shape=False)
+        unfit = why_unfit(again, scene, config, judge_shape=False)
+        if unfit is None:
+            return _Fitted(held.settled(again), shape_evidence(again, scene))
+        hopeless = why_unfit(again, lenient_scene, lenient, judge_shape=False)
+        return _Fitted(held.settled(again), None, unfit, hopeless is None)
 
     rows = each("fit", fit, work, progress)
-    return [w for w, unfit in rows if unfit is None], [unfit for _, unfit in rows if unfit is not None]
+    mu = common_shape([row.evidence for row in rows if row.evidence is not None], config.common_shape_sigma)
+    if mu is not None:
+        rows = [replace(row, work=about(row.work, mu)) for row in rows]
+        scene = scene_about(scene, mu)
+    placed = occluders.with_placed(_placed([row.work for row in rows if row.is_candidate], scene))
+
+    def judge(row: _Fitted) -> tuple[Work, LeftOut | None]:
+        again = next_pass(row.work.with_views(scene), scene, occluders, placed)
+        return held.settled(again), why_unfit(again, scene, config, judge_shape=False)
+
+    doubtful = [row for row in rows if row.unfit is not None and row.is_candidate]
+    judged = dict(zip(doubtful, each("judge", judge, doubtful, progress), strict=True))
+    ended = [judged.get(row, (row.work, row.unfit)) for row in rows]
+    return [w for w, unfit in ended if unfit is None], scene, [unfit for _, unfit in ended if unfit is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """An object after its first fit."""
+
+    work: Work
+    evidence: ShapeEvidence | None
+    unfit: LeftOut | None = None
+    is_candidate: bool = True  # for the map, when more is known of what hides it
+
+
+def _lenient(scene: Scene, config: MappingConfig) -> tuple[Scene, MappingConfig]:
+    """What objects are judged by while others may hide them unknown: by masks half as strict, motion a quarter."""
+    motion = replace(scene.config, motion_gain=4 * scene.config.motion_gain)
+    return replace(scene, config=motion), replace(config, min_mask_iou=config.min_mask_iou / 2)
 
 
 def _mapping(
@@ -181,6 +227,33 @@ def _mapping(
     doubts = {one.object.id: one.reversed_probability for one in done if one.object is not None}
     told = {number: doubt for number, doubt in doubts.items() if doubt is not None}
     return ObjectMapping(Map(objects), detections, reasons, stages, mean_ious(done), tracked, told)
+
+
+def _with_tracks_seen_again(found: ObjectMapping, frames: CameraPath) -> ObjectMapping:
+    """The map without objects that are others seen again, and tracks without an object on those that they show."""
+    detections, gone = same_place(found.map.objects, found.detections, frames)
+    objects = tuple(thing for thing in found.map.objects if thing.id not in gone)
+    detections, left_out = seen_again(objects, detections, found.left_out, frames)
+    left_out = sorted([*left_out, *gone.values()], key=lambda row: row.track)
+    stages = {number: stage for number, stage in found.stages.items() if number not in gone}
+    return replace(found, map=Map(objects), detections=detections, left_out=tuple(left_out), stages=stages)
+
+
+def _with_moving(
+    mapping: ObjectMapping,
+    tracks: list[Track],
+    ended: list[Finished],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    progress: Progress | None,
+) -> ObjectMapping:
+    """What drives, apart from what stands."""
+    found = map_moving(mapping.left_out, tracks, ended, scene, occluders, config, progress)
+    ids = {thing.id for thing in found.objects}
+    stands = tuple(thing for thing in mapping.map.objects if thing.id not in ids)
+    stages = {number: steps for number, steps in mapping.stages.items() if number not in ids}
+    return replace(mapping, map=Map(stands, found.objects), stages=stages, left_out=found.left_out)
 
 
 def make_scene(

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from meshslam.maps.figures import read_figures
     from meshslam.maps.gltf import linear, object_colour, save_glb, to_glb, vertex_colours
     from meshslam.maps.map import Map
+    from meshslam.maps.moving_object import MovingObject
+    from meshslam.maps.moving_path import MovingPath
     from meshslam.maps.objects import MapObject
     from meshslam.maps.ply import PlyMesh, format_ply
     from meshslam.maps.run_directory import FRAMES, INDEX, RunDirectory
@@ -33,6 +35,8 @@ else:
             "figures": "read_figures",
             "gltf": "linear object_colour save_glb to_glb vertex_colours",
             "map": "Map",
+            "moving_object": "MovingObject",
+            "moving_path": "MovingPath",
             "objects": "MapObject",
             "ply": "PlyMesh format_ply",
             "run_directory": "FRAMES INDEX RunDirectory",
@@ -54,6 +58,8 @@ __all__ = [
     "ConstellationMatch",
     "Map",
     "MapObject",
+    "MovingObject",
+    "MovingPath",
     "PlyMesh",
     "RunDirectory",
     "TileEntry",

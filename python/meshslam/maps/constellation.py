@@ -51,6 +51,11 @@ class Constellation:
     def __len__(self) -> int:
         return len(self.places)
 
+    @property
+    def extent_m(self) -> float:
+        """How far the objects reach on the ground: the diagonal of their places' box."""
+        return float(np.linalg.norm(np.ptp(self.places[:, :2], axis=0)))
+
     def scaled(self, scale: float) -> Constellation:
         """The same with all lengths multiplied."""
         return self if scale == 1.0 else replace(self, places=scale * self.places, sizes=scale * self.sizes)

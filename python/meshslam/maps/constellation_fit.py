@@ -33,9 +33,8 @@ class ConstellationFit:
 
 def search_radius_m(known: Constellation, seen: Constellation, config: ConstellationConfig) -> float:
     """Beyond this no pair is within the gate."""
-    extent = float(np.linalg.norm(np.ptp(seen.places[:, :2], axis=0)))
     own = float(known.sigmas_m.max() ** 2 + seen.sigmas_m.max() ** 2)
-    sigma = np.sqrt(2 * config.place_sigma_m**2 + (config.drift_share * extent) ** 2 + own)
+    sigma = np.sqrt(2 * config.place_sigma_m**2 + (config.drift_share * seen.extent_m) ** 2 + own)
     return max(float(GATE * _WIDE * sigma), _OVERLAP_M)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import hashlib
+import io
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -74,6 +75,7 @@ class ConstellationIndex:
     def __init__(self, city: TiledMap, radius_m: float) -> None:
         """`radius_m`: objects that are nearer to each other make a pair."""
         self._city, self.radius_m, self._count = city, radius_m, len(city)
+        self.generation = city.index.generation  # of the map that it was made of
         self._folder = city.folder / FOLDER
         self._shards: dict[Key, Shard] = {}
         self._in_memory: dict[Key, Shard] = {}
@@ -89,7 +91,7 @@ class ConstellationIndex:
         for done, key in enumerate(self._tiles_of):
             yield self._shard(key)
             if progress is not None:
-                progress("index", done + 1, len(self._tiles_of))
+                progress("place", done + 1, len(self._tiles_of))
 
     def around(self, place_m: Floats, radius_m: float) -> tuple[Ints, Constellation]:
         """Ids (n,) and constellation of the objects within a radius of a place (2,), by ascending id."""
@@ -115,8 +117,7 @@ class ConstellationIndex:
             pairs = np.load(self._file(key, "pairs"), mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError, EOFError):
             return None
-        fits = cars.dtype == _CARS and cars.ndim == 1 and pairs.dtype == np.int32 and pairs.shape[1:] == (2,)
-        return Shard(cars, pairs) if fits else None
+        return Shard(cars, pairs) if _is_sound(cars, pairs) else None
 
     def _made(self, key: Key) -> Shard:
         own = self._cars(self._tiles_of[key])
@@ -161,6 +162,15 @@ class ConstellationIndex:
         return self._folder / f"{key[0]}_{key[1]}.{digest}.{name}.npy"
 
 
+def _is_sound(cars: Any, pairs: Any) -> bool:  # noqa: ANN401 # what files hold
+    """Whether files hold a shard: the right columns, finite values, pairs of cars that there are."""
+    if cars.dtype != _CARS or cars.ndim != 1 or pairs.dtype != np.int32 or pairs.shape[1:] != (2,):
+        return False
+    finite = all(np.isfinite(cars[name]).all() for name in ("place", "yaw", "size", "sigma"))
+    within = not len(pairs) or (pairs.min() >= 0 and pairs.max() < len(cars))
+    return bool(finite and within and (cars["size"] > 0).all())
+
+
 def _pairs(cars: Any, own: int, radius_m: float) -> Any:  # noqa: ANN401 # arrays of records
     """Pairs by distance, each once in the whole map: in the shard of the object of the lesser id."""
     flat = cars["place"][:, :2]
@@ -173,8 +183,6 @@ def _pairs(cars: Any, own: int, radius_m: float) -> Any:  # noqa: ANN401 # array
 
 
 def _npy(array: Any) -> bytes:  # noqa: ANN401 # an array of records
-    import io
-
     buffer = io.BytesIO()
     np.lib.format.write_array(buffer, array, allow_pickle=False)
     return buffer.getvalue()

@@ -11,14 +11,13 @@ from meshslam.geometry import Floats, Ints, ParkedMap, ParkedRules, Pose, parked
 from meshslam.maps.constellation import Constellation, ConstellationConfig
 from meshslam.maps.constellation_fit import GATE, ConstellationFit, fit_constellation, search_radius_m
 from meshslam.maps.constellation_index import ConstellationIndex, Shard
-from meshslam.maps.constellation_votes import Pairs, extent_m, slack_m
+from meshslam.maps.constellation_votes import Pairs, slack_m
 from meshslam.maps.constellations import ConstellationMatch, decided, differ, refused
 from meshslam.maps.neighbours import GroundGrid
 
 _MOST_PAIRS = 3  # of the handful that are looked up
 _SIGMAS = 2.5  # by which a distance may be off
 _KEPT = 64  # candidates of a shard
-
 _BESIDE_M = 15.0  # about the handful, where objects speak for a place or against it
 
 
@@ -116,7 +115,7 @@ def _fitted(
 ) -> ConstellationFit:
     """The fit from a candidate, to what stands about it; `known` are ids."""
     middle = start.transform(scale * seen.places.mean(0)[None])[0, :2]
-    ids, about = index.around(middle, scale * extent_m(seen) + _BESIDE_M)
+    ids, about = index.around(middle, scale * seen.extent_m + _BESIDE_M)
     grid = GroundGrid.of(about.places[:, :2], search_radius_m(about, seen, config))
     fit = fit_constellation(about, seen, grid, start, config, among=len(index), scale=scale)
     return replace(fit, known=ids[fit.known])

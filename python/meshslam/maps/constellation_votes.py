@@ -99,7 +99,7 @@ def most_voted(yaws: Floats, middles: Floats, seen: Constellation, count: int) -
     """The mean vote of the fullest cells of turn and place; a cell counts with those about it."""
     if not len(yaws):
         return yaws, middles
-    turns, cell_m = round(_TURNS / _CELL_RAD), _CELL_M + _CELL_SHARE * extent_m(seen)
+    turns, cell_m = round(_TURNS / _CELL_RAD), _CELL_M + _CELL_SHARE * seen.extent_m
     cells = np.column_stack([np.floor(yaws % _TURNS / _TURNS * turns), np.floor(middles / cell_m)]).astype(np.int64)
     keys, first, member, votes = np.unique(
         _cell_keys(cells, turns), return_index=True, return_inverse=True, return_counts=True
@@ -123,11 +123,6 @@ def most_voted(yaws: Floats, middles: Floats, seen: Constellation, count: int) -
 
     yaw = np.arctan2(mean(np.sin(yaws)), mean(np.cos(yaws)))
     return yaw, np.column_stack([mean(middles[:, 0]), mean(middles[:, 1])])
-
-
-def extent_m(seen: Constellation) -> float:
-    """How far a set of objects reaches on the ground."""
-    return float(np.linalg.norm(np.ptp(seen.places[:, :2], axis=0)))
 
 
 def _cell_keys(cells: Ints, turns: int) -> Ints:

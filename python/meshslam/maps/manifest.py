@@ -14,6 +14,7 @@ MANIFEST = "manifest.json"
 FORMAT, VERSION = "meshslam-run", 1
 MESHES = "objects"  # the folder of a map's meshes
 MESH_FOLDERS = (MESHES, f"{MESHES}-2")  # and the other one of maps that are saved again and again
+_MOVING = {"mesh": "moving/{}.ply", "path": "moving/{}.csv", "trajectory": "moving/{}.tum"}  # of an entry of map.json
 _EARLIER = (  # what runs without a manifest wrote
     "map.json",
     "trajectory.tum",
@@ -81,8 +82,12 @@ def _inside(names: list[str]) -> tuple[str, ...]:
 
 
 def written_meshes(folder: Path) -> tuple[str, ...]:
-    """The meshes that a folder's map.json names and that a map wrote."""
+    """The meshes and paths that a folder's map.json names and that a map wrote."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        entries = json.loads((folder / "map.json").read_text(encoding="utf-8"))["objects"]
-        return tuple(e["mesh"] for e in entries if e["mesh"] in {f"{name}/{e['id']}.ply" for name in MESH_FOLDERS})
+        document = json.loads((folder / "map.json").read_text(encoding="utf-8"))
+        meshes = [e["mesh"] for e in document["objects"] if e["mesh"] in {f"{f}/{e['id']}.ply" for f in MESH_FOLDERS}]
+        moving = [
+            e[key] for e in document.get("moving", []) for key in _MOVING if e[key] == _MOVING[key].format(e["id"])
+        ]
+        return (*meshes, *moving)
     return ()

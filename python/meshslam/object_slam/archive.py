@@ -32,7 +32,7 @@ def unpacked_json(packed: Bytes) -> Any:  # noqa: ANN401 # any JSON
 
 def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
     """All that a run needs to go on."""
-    at = estimator.odometry_frame
+    at, road = estimator.odometry_frame, estimator.road
     plain = {
         "frame_ids": estimator.frame_ids,
         "times_s": estimator.times_s,
@@ -49,7 +49,7 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
         "landmarks": [_landmark_to_plain(mark) for mark in estimator.landmarks.values()],
         "candidates": [_candidate_to_plain(track, c) for track, c in estimator.candidates.items()],
         "state": state_to_plain(estimator.state),
-        "road": None if estimator.road is None else [estimator.road.count, estimator.road.next_frame],
+        "road": None if road is None else [road.count, road.next_frame, road.recent],
         "motion": estimator.motion.to_plain(),
     }
     hidden = [
@@ -75,7 +75,8 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
     estimator.landmarks = {mark["number"]: _landmark(mark) for mark in plain["landmarks"]}
     estimator.state = state_from_plain(plain["state"])
     if estimator.road is not None and plain["road"] is not None:
-        estimator.road.count, estimator.road.next_frame = plain["road"]
+        estimator.road.count, estimator.road.next_frame, recent = plain["road"]
+        estimator.road.recent = tuple(recent)
     estimator.motion.fill(plain["motion"])
     setup = estimator.setup
     smoother_from_arrays(estimator.smoother, arrays, setup.model, setup.noise, setup.camera)
@@ -98,7 +99,8 @@ def _mask(packed: Bytes, estimator: SlamEstimator) -> Bytes:
 
 
 def _landmark_to_plain(mark: Landmark) -> dict[str, Any]:
-    row = {name: getattr(mark, name) for name in ("number", "track", "views", "nearest_m", "last_distance_m", "moves")}
+    names = ("number", "track", "views", "nearest_m", "last_distance_m", "moves", "is_withdrawn")
+    row = {name: getattr(mark, name) for name in names}
     left = mark.pose_covariance
     row |= {
         "pose_covariance": None if left is None else left.tolist(),

@@ -25,6 +25,7 @@ class SlamConfig(Settings):
     retry_views: int = expert(4, low=1)  # after a start that failed
     max_cost: float = expert(3.0, above=0)  # of an observation, per independent one
     motion_views: int = expert(8, low=1)  # after so many more of an object, whether it moves is asked again
+    max_shape_error: float = expert(70.0, above=0)  # squared sigmas of an object's modes: beyond, no car has that shape
     nearer: float = expert(0.7, above=0, below=1)  # an object's height over the road is taken anew from so much nearer
     surface_sigma_m: float = expert(0.05, low=0)  # twice mapping's: a car's views share what its surface is off
     size_sigma: float = expert(2.0, above=0)  # of what a place's cars have in common against the mean, in its sigmas
@@ -32,7 +33,7 @@ class SlamConfig(Settings):
     crop_margin: float = expert(0.2, low=0)  # of a box's size, around it: a view expects an object of the graph near it
     # without a map these are seen in turns only; with larger sigmas, systematic errors of shapes move them
     time_offset_sigma_s: float = expert(0.005, above=0)
-    extrinsic_rotation_sigma_deg: float = expert(0.3, above=0)
+    extrinsic_rotation_sigma_deg: float = expert(0.1, above=0)
     # more than in a known map: the camera shakes against the IMU
     gyroscope_noise: float = public(3e-3, above=0, unit="rad/s/√Hz", doc="noise density, instead of estimation.imu's")
     odometry: OdometryConfig = field(default_factory=OdometryConfig)

@@ -169,7 +169,7 @@ class SlamEstimator:
         """
 
         def coincident(places: Mapping[int, Pose], joined: Sequence[Pair]) -> list[Pair]:
-            standing = {n: pose for n, pose in places.items() if not self.landmarks[n].moves}
+            standing = {n: pose for n, pose in places.items() if self.landmarks[n].counts}
             return coincident_landmarks(standing, joined, self.setup.mapping.merge_distance_m)
 
         return self.smoother.full_trajectory(self.joined, self.setup.slam.full_trajectory_iterations, coincident)
@@ -189,8 +189,8 @@ class SlamEstimator:
             return self.smoother.objects.pose_covariance(number)
 
     def landmark_covariances(self) -> dict[int, Floats]:
-        """As `landmark_covariance` of every landmark, at the cost of one."""
-        held = {number: mark.pose_covariance for number, mark in self.landmarks.items()}
+        """As `landmark_covariance` of every landmark that counts, at the cost of one."""
+        held = {number: mark.pose_covariance for number, mark in self.landmarks.items() if mark.counts}
         with self.smoother.objects.linearizations_kept():
             current = self.smoother.objects.pose_covariances([n for n, left in held.items() if left is None])
         return {n: current[n] if left is None else left for n, left in held.items()}
@@ -315,9 +315,23 @@ class SlamEstimator:
         landmark.views += 1
         landmark.last_distance_m = self.odometry_frame.distance_m
         landmark.dimensions = np.ptp(self.vertices(landmark), axis=0)
+        if self._shape_error(landmark) > self.setup.slam.max_shape_error:
+            self._withdraw(landmark)
+            return
         self._put_on_road(landmark)
         if landmark.views % self.setup.slam.motion_views == 0:
             self._test_motion(landmark)
+
+    def _shape_error(self, landmark: Landmark) -> float:
+        """Squared distance of the modes from the category's mean, without the size that all objects share."""
+        own = landmark.z - (landmark.z @ self._scale_direction) * self._scale_direction
+        return float(own @ own)
+
+    def _withdraw(self, landmark: Landmark) -> None:
+        """Take a landmark back, such as one of a wrong heading; its track may become another one."""
+        landmark.is_withdrawn = True
+        self.in_view.pop(landmark.track, None)
+        self.smoother.forget(landmark.number)
 
     def vertices(self, landmark: Landmark) -> Floats:
         """A landmark's mesh (V, 3) in its own frame."""

@@ -27,7 +27,13 @@ class Landmark:
     last_distance_m: float = 0.0  # that the camera had travelled when it was last seen
     in_map: Pose | None = None  # map_from_object, once it has left the view
     moves: bool = False
+    is_withdrawn: bool = False  # no shape of the category explained its observations
     pose_covariance: Floats | None = None  # (6, 6), once it has left the view
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is an object of the map."""
+        return not (self.moves or self.is_withdrawn)
 
     def placed(self, map_from_odometry: Pose) -> PlacedLandmark:
         """With its place in the map, as far as that is known."""
@@ -68,7 +74,7 @@ def find_loop_closure(
         for number, mark in landmarks.items()
         if number in in_view - closed and mark.views >= config.min_views and mark.nearest_m <= config.max_distance_m
     ]
-    known = [mark for number, mark in landmarks.items() if number not in in_view | taken and not mark.moves]
+    known = [mark for number, mark in landmarks.items() if number not in in_view | taken and mark.counts]
     if not seen or not known:
         return None
     travelled = [at.distance_m - max(mark.last_distance_m, at.closed_at_m) for mark in known]

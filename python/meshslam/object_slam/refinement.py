@@ -17,7 +17,7 @@ def best_landmarks(landmarks: Mapping[int, Landmark], joined: Mapping[int, int])
     best: dict[int, Landmark] = {}
     for mark in landmarks.values():
         track = joined.get(mark.track, mark.track)
-        if not mark.moves and (track not in best or mark.views > best[track].views):
+        if mark.counts and (track not in best or mark.views > best[track].views):
             best[track] = mark
     return best
 

@@ -14,7 +14,7 @@ from meshslam.categories import Category, load_category
 from meshslam.errors import SequenceError
 from meshslam.features import FrameFeatures, ImageFeatures
 from meshslam.geometry import Bytes, Camera, Floats, Pose
-from meshslam.graph import CameraPrediction, FullTrajectory, StartConfig, unchanged_by_errors
+from meshslam.graph import CameraPrediction, FullTrajectory, ObjectCovariance, StartConfig, unchanged_by_errors
 from meshslam.initialization import EstimationConfig
 from meshslam.localization import Stream, archive_errors, read_archive, under, write_archive
 from meshslam.mapping import MappingConfig, ObjectMapping
@@ -33,6 +33,7 @@ from meshslam.object_slam.archive import (
 from meshslam.object_slam.config import SlamConfig
 from meshslam.object_slam.estimator import SlamEstimator, SlamReport
 from meshslam.object_slam.landmarks import Landmark, joined_tracks
+from meshslam.object_slam.map_covariances import with_path_covariances
 from meshslam.object_slam.refinement import best_landmarks, refined_mapping, starts_of
 from meshslam.object_slam.result import SlamResult, SlamState
 from meshslam.object_slam.setup import SlamSetup
@@ -52,7 +53,7 @@ from meshslam.perception import (
 from meshslam.plausibility import RatesBySight
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-5"
+FORMAT = "meshslam-slam-6"
 Progress = Callable[[str, int, int], None]
 
 
@@ -353,7 +354,7 @@ class Slam:
 
     def _mapped(self, estimator: SlamEstimator, *, covariances: bool) -> Map:
         one = joined_tracks(estimator.landmarks, estimator.joined)
-        latest = {one.get(m.track, m.track): m for m in estimator.landmarks.values() if not m.moves}
+        latest = {one.get(m.track, m.track): m for m in estimator.landmarks.values() if m.counts}
         known = estimator.landmark_covariances() if covariances else {}
         to_map = estimator.odometry_frame.map_from_odometry
         things = []
@@ -405,32 +406,38 @@ class Slam:
         found = self._detection_set() if detections is None else detections
         found = found.with_tracks({d.id: one[d.track_id] for d in found.detections if d.track_id in one})
         starts = starts_of(estimator.landmarks, full.world_from_object, one, world)
+        best = best_landmarks(estimator.landmarks, one)
+        known = full.object_covariances([mark.number for mark in best.values()], world_from_first_camera)
+        of_graph = {track: known[mark.number] for track, mark in best.items()}
+        estimate = self._estimate(full, path, world, world_from_first_camera)
         began_s = time.perf_counter()
         if self._setup.slam.refine_map:
             mapping, notes = refined_mapping(
                 self._setup, estimator.frame_ids, path, found, starts, fixed_tracks=fixed_tracks, progress=progress
             )
+            mapping = replace(mapping, map=with_path_covariances(mapping.map, of_graph, estimate))
         else:
-            mapping, notes = self._unrefined_mapping(full, found, one, world)
+            mapping, notes = self._unrefined_mapping(full, found, best, of_graph, world)
         refinement_s = time.perf_counter() - began_s
         filtered = tuple(world @ pose for pose in self._filtered)
         figures = self._figures(estimator, {new for new, _ in full.joined})
-        estimate = self._estimate(full, path, world, world_from_first_camera)
         return SlamResult(
             path, filtered, mapping, mapping.detections, figures, notes, refinement_s, world, estimate=estimate
         )
 
     def _unrefined_mapping(
-        self, full: FullTrajectory, found: DetectionSet, one: Mapping[int, int], world: Pose
+        self,
+        full: FullTrajectory,
+        found: DetectionSet,
+        best: Mapping[int, Landmark],
+        of_graph: Mapping[int, ObjectCovariance],
+        world: Pose,
     ) -> tuple[ObjectMapping, tuple[str, ...]]:
         """The objects as the smoothed graph has them, and a note that says so."""
-        estimator = self._started()
-        covariances = estimator.landmark_covariances()
-        best = best_landmarks(estimator.landmarks, one)
         things = []
         for track, mark in best.items():
             pose, modes = world @ full.world_from_object[mark.number], full.modes[mark.number]
-            things.append(self._map_object(track, mark, pose, modes, covariances[mark.number]))
+            things.append(self._map_object(track, mark, pose, modes, of_graph[track].whole))
         note = (
             f"map: the {len(things)} objects of the graph as they are, not fitted once more (slam.refine_map is false)"
         )
@@ -601,7 +608,7 @@ class Slam:
         self._counts["frames_without_objects"] += not report.objects
         to_map = estimator.odometry_frame.map_from_odometry
         one = joined_tracks(estimator.landmarks, estimator.joined)
-        shown = [mark for mark in map(estimator.landmarks.__getitem__, report.objects) if not mark.moves]
+        shown = [mark for mark in map(estimator.landmarks.__getitem__, report.objects) if mark.counts]
         return SlamState(
             frame.number,
             frame.time_s,

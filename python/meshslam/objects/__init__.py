@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from meshslam.objects.config import GradientConfig, ObjectConfig
     from meshslam.objects.gradient_descent import reconstruct_by_gradient
     from meshslam.objects.ground import road_points
-    from meshslam.objects.heading import reversed_probability
+    from meshslam.objects.heading import heading_cost, reversed_probability
     from meshslam.objects.models import category_model
     from meshslam.objects.noise import estimated_noise
     from meshslam.objects.observations import keypoints_of, make_view, signed_distance, view_bytes
@@ -39,7 +39,7 @@ else:
             "config": "GradientConfig ObjectConfig",
             "gradient_descent": "reconstruct_by_gradient",
             "ground": "road_points",
-            "heading": "reversed_probability",
+            "heading": "heading_cost reversed_probability",
             "models": "category_model",
             "noise": "estimated_noise",
             "observations": "keypoints_of make_view signed_distance view_bytes",
@@ -73,6 +73,7 @@ __all__ = [
     "fit_free_form",
     "fit_modes",
     "flipped",
+    "heading_cost",
     "height_over_road_m",
     "is_cut",
     "keypoints_of",

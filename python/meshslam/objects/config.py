@@ -62,5 +62,6 @@ class ObjectConfig(Settings):
     start_margin_share: float = expert(1.0, low=0)  # and this share of the best more: the noise is not known yet
     # objects that move, and one object seen as two
     max_speed_m_s: float = expert(1.5, low=0)
+    max_way_m: float = expert(2.0, low=0)  # at a lower speed, while it is seen
     motion_gain: float = expert(25.0, low=0)  # by which the cost must fall with the motion
     free_form_views: int = expert(3, low=1)  # that free form needs

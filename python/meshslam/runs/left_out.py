@@ -21,9 +21,10 @@ LEFT_OUT = "left_out.json"
 def save_left_out_tracks(mapping: ObjectMapping, run: RunDirectory, outlet: Outlet) -> None:
     """Write every track that is not in the map, with its reason; a note tells if nothing is in the map."""
     reasons = {row.track: row for row in mapping.left_out}
+    moving = {thing.id for thing in mapping.map.moving}
     tracks: list[dict[str, Any]] = []
     for number, found in sorted(mapping.tracked.by_track().items()):
-        if number in mapping.map:
+        if number in mapping.map or number in moving:
             continue
         row = reasons.get(number)
         tracks.append(

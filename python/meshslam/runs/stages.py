@@ -140,6 +140,7 @@ def figures(recording: Sequence, mapping: ObjectMapping, clock: Clock) -> dict[s
     tracks = {d.track_id for d in mapping.detections.detections if d.track_id is not None}
     rows: dict[str, float] = {
         "objects_mapped": len(mapping.map.objects),
+        "objects_moving": len(mapping.map.moving),
         "tracks": len(tracks),
         "frames": len(recording),
         **mapping.mask_ious,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from meshslam.simulation.materials import surface
     from meshslam.simulation.motion import ImuNoise, simulated_imu
     from meshslam.simulation.recorded import PathFiles, recorded_street
-    from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording
+    from meshslam.simulation.recording import EXACT, ObserverConfig, observe, write_recording, write_truth
     from meshslam.simulation.render import render_image
     from meshslam.simulation.road import Road
     from meshslam.simulation.street import Car, Street, StreetConfig, driven_again, make_street
@@ -37,7 +37,7 @@ else:
             "materials": "surface",
             "motion": "ImuNoise simulated_imu",
             "recorded": "PathFiles recorded_street",
-            "recording": "EXACT ObserverConfig observe write_recording",
+            "recording": "EXACT ObserverConfig observe write_recording write_truth",
             "render": "render_image",
             "road": "Road",
             "street": "Car Street StreetConfig driven_again make_street",
@@ -80,4 +80,5 @@ __all__ = [
     "simulated_imu",
     "surface",
     "write_recording",
+    "write_truth",
 ]

@@ -53,7 +53,8 @@ def simulate_street(
 
 def make_world(config: SimulationConfig) -> Street:
     """The street alone; SequenceError where the files it is to follow do not go together."""
-    count = 2 * config.street.cars_each_side + config.street.moving_cars
+    street = config.street
+    count = 2 * street.cars_each_side + street.moving_cars + street.turning_cars
     bodies: BodySource = procedural_bodies(config.seed, count)
     if config.poses is None:
         if config.imu is not None:

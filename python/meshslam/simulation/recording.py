@@ -16,7 +16,7 @@ import numpy as np
 from meshslam.errors import SequenceError
 from meshslam.files import write_into
 from meshslam.geometry import Bools, Bytes, Floats, Rendering
-from meshslam.maps import PlyMesh, format_ply
+from meshslam.maps import MovingPath, PlyMesh, format_ply
 from meshslam.objects import signed_distance
 from meshslam.perception import CategoryEntry, Detection, DetectionSet, ImageEntry, encode_mask, write_detections
 from meshslam.sequences import InitialState, format_tum, write_sequence_folder
@@ -25,6 +25,8 @@ from meshslam.simulation.lens import render_through
 from meshslam.simulation.motion import IMU_FROM_CAMERA, ImuNoise, ImuReadings, simulated_imu
 from meshslam.simulation.render import draw, render_image, visible
 from meshslam.simulation.street import Car, Street
+
+_INSTANT_S = 0.05  # half the time over which a turn rate is taken
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def write_recording(
 ) -> Path:
     """Write images, detections without track ids, poses, IMU, and truth: the same street gives the same bytes.
 
-    Moving cars are in `association.json`, not in `objects.json`: they have no one place. `known_poses` are those that
+    Moving cars are in `moving.json`, with their paths, not in `objects.json`. `known_poses` are those that
     may be used (poses.tum); the true path is there in any case. SequenceError if the folder cannot be written.
     """
     folder = Path(folder)
@@ -73,7 +75,7 @@ def write_recording(
         height_above_ground_m=street.camera_height_m,
         distortion=street.distortion,
     )
-    _write_truth(street, object_of_annotation, folder)
+    write_truth(street, object_of_annotation, folder)
     return folder
 
 
@@ -181,14 +183,22 @@ def _seen_keypoints(
     return points.round(2), scores.round(3)
 
 
-def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: Path) -> None:
+def write_truth(street: Street, object_of_annotation: dict[int, int], folder: Path) -> None:
+    """Write the cars, parked and driving, which annotation shows which, and the camera's path, for scoring only."""
     parked = [car for car in street.cars if not car.moves]
+    moving = [car for car in street.cars if car.moves]
     try:
-        (folder / "meshes").mkdir(exist_ok=True)
-        for car in parked:
+        for name in ("meshes", *(["moving"] if moving else [])):
+            (folder / name).mkdir(exist_ok=True)
+        for car in street.cars:
             write_into(folder / _mesh_name(car), format_ply(PlyMesh(car.vertices, car.faces)), SequenceError)
         document = {"objects": [_truth_entry(car) for car in parked]}
         write_into(folder / "objects.json", json.dumps(document, indent=1) + "\n", SequenceError)
+        for car in moving:
+            write_into(folder / _path_name(car), true_path(car, street.times_s).to_csv(), SequenceError)
+        if moving:
+            driving = {"objects": [], "moving": [_moving_entry(car, street.times_s) for car in moving]}
+            write_into(folder / "moving.json", json.dumps(driving, indent=1) + "\n", SequenceError)
         write_into(folder / "association.json", json.dumps(object_of_annotation) + "\n", SequenceError)
         path = format_tum(street.times_s, street.world_from_camera)
         write_into(folder / "groundtruth.tum", path, SequenceError)
@@ -198,6 +208,36 @@ def _write_truth(street: Street, object_of_annotation: dict[int, int], folder: P
 
 def _mesh_name(car: Car) -> str:
     return f"meshes/{car.id:03d}.ply"
+
+
+def _path_name(car: Car) -> str:
+    return f"moving/{car.id:03d}.csv"
+
+
+def true_path(car: Car, times_s: Floats) -> MovingPath:
+    """Where a car is at each time, and how it drives; nothing of it is uncertain."""
+    poses, count = tuple(car.at(float(t)) for t in times_s), len(times_s)
+    velocity = np.array([car.velocity(float(t)) for t in times_s])
+    ahead = np.array([pose.rotation[:, 0] for pose in poses])
+    turns = [car.at(float(t - _INSTANT_S)).rotation.T @ car.at(float(t + _INSTANT_S)).rotation for t in times_s]
+    rates = np.array([np.arctan2(turn[1, 0], turn[0, 0]) for turn in turns]) / (2 * _INSTANT_S)
+    nothing = np.zeros(count)
+    return MovingPath(
+        times_s,
+        tuple(range(count)),
+        poses,
+        np.zeros((count, 6, 6)),
+        velocity,
+        (velocity * ahead).sum(1),
+        nothing,
+        rates,
+        nothing,
+    )
+
+
+def _moving_entry(car: Car, times_s: Floats) -> dict[str, object]:
+    """A car that drives, as it is at the first time."""
+    return {**_truth_entry(car), "moving": True, "timestamp": float(times_s[0]), "path": _path_name(car)}
 
 
 def _truth_entry(car: Car) -> dict[str, object]:

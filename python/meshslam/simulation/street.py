@@ -15,11 +15,14 @@ from meshslam.simulation.bodies import Body, BodySource, Skin, shapes_of
 from meshslam.simulation.fronts import Wall, walls_along
 from meshslam.simulation.motion import ImuReadings
 from meshslam.simulation.road import Road
+from meshslam.simulation.turning import crosses, near, turning_line
 
 FORWARD_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # z ahead becomes x ahead
 Mode = Literal["coloured", "textureless", "contrast"]
 LensKind = Literal["pinhole", "equidistant"]
 _LEAST_AHEAD_M = 6.5  # of the middle of a car that drives in front of the camera
+_REAR_AXLE_SHARE = 0.3  # of a car's length, between its middle and its rear axle
+_INSTANT_S = 0.05  # half the time over which a velocity is taken
 _BEYOND_M = 10.0  # the last of cars that are spread begins so far after the drive's end
 
 
@@ -51,6 +54,10 @@ class StreetConfig(Settings):
     moving_speed_m_s: float = setting(7.0, low=0)
     moving_start_m: float = setting(15.0)  # of the first; oncoming ones come from `oncoming_start_m`
     oncoming_start_m: float = setting(45.0)
+    turning_cars: int = setting(0, low=0)  # come towards the camera and turn off to their right
+    turning_speed_m_s: float = setting(4.5, low=0)
+    turning_radius_m: float = setting(8.0, above=0)
+    turning_at_m: float = setting(24.0)  # where the first leaves the street; others 16 m further each
     mode: Mode = setting("coloured")  # contrast: bodies and key points in colours that tell them apart
 
 
@@ -66,6 +73,7 @@ class Car:
     aside_m: float
     turn_rad: float  # from the road's heading
     speed_m_s: float = 0.0  # along the road, negative against it
+    rear_axle_m: float = 0.0  # how far behind its middle the point is that follows the road
 
     @property
     def category(self) -> str:
@@ -99,8 +107,16 @@ class Car:
 
     def at(self, time_s: float) -> Pose:
         """world_from_object at a time."""
-        height = float(self.body.dimensions[2]) / 2
-        return self.road.pose(self.along_m + self.speed_m_s * time_s, self.aside_m, height, self.turn_rad)
+        height, behind = float(self.body.dimensions[2]) / 2, self.rear_axle_m
+        along_m = self.along_m + self.speed_m_s * time_s - behind
+        pose = self.road.pose(along_m, self.aside_m, height, self.turn_rad)
+        return pose @ Pose(np.eye(3), np.array([behind, 0.0, 0.0])) if behind else pose
+
+    def velocity(self, time_s: float) -> Floats:
+        """Velocity (3,) in world, m/s, of its middle."""
+        before, after = (self.at(time_s + sign * _INSTANT_S).translation for sign in (-1, 1))
+        found: Floats = (after - before) / (2 * _INSTANT_S)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +197,23 @@ def furnished(
             car = _parked_car(len(cars) + 1, side, along, road, draw(rng), rng, config)
             along += float(car.body.dimensions[0]) + rng.uniform(config.min_gap_m, config.max_gap_m)
             cars.append(car)
-    cars = [replace(car, id=i + 1) for i, car in enumerate(_clear(cars, world_from_camera))]
+    turns_off = [
+        turning_line(road, config.turning_at_m + 16.0 * k, config.lane_m, config.turning_radius_m)
+        for k in range(config.turning_cars)
+    ]
+    cars = [
+        car
+        for car in _clear(cars, world_from_camera)
+        if not any(near(line, car.start.translation) for line in turns_off)
+    ]
+    cars = [replace(car, id=i + 1) for i, car in enumerate(cars)]
     for k in range(config.moving_cars):
         car = _moving_car(len(cars) + 1, k, road, draw(rng), rng, config)
         cars.append(_kept_ahead(car, times_s, world_from_camera, config))
+    for line in turns_off:
+        cars.append(_turning_car(len(cars) + 1, line, draw(rng), rng, config))
     walls = walls_along(road, rng, config.kerb_m)
+    walls = tuple(wall for wall in walls if not any(crosses(line, wall) for line in turns_off))
     lens = street_lens(config)
     return Street(
         seed,
@@ -273,3 +301,9 @@ def _moving_car(number: int, k: int, road: Road, body: Body, rng: np.random.Gene
     if k % 2 == 0:
         return Car(number, body, skin, road, config.moving_start_m + further, -config.lane_m, 0.0, speed)
     return Car(number, body, skin, road, config.oncoming_start_m + further, config.lane_m, np.pi, -speed)
+
+
+def _turning_car(number: int, line: Road, body: Body, rng: np.random.Generator, config: StreetConfig) -> Car:
+    """A car that comes along a way of its own; its rear axle keeps to it."""
+    axle_m = _REAR_AXLE_SHARE * float(body.dimensions[0])
+    return Car(number, body, body.looks(rng), line, axle_m, 0.0, 0.0, config.turning_speed_m_s, axle_m)

@@ -11,10 +11,14 @@ from meshslam.maps import MapObject
 
 def footprint(thing: MapObject) -> Floats:
     """Convex hull (n, 2) of an object's mesh from above, in world, metres."""
-    flat = thing.vertices_in_world[:, :2]
-    centre = flat.mean(axis=0)
-    hull = cv2.convexHull((flat - centre).astype(np.float32))
-    corners: Floats = np.asarray(hull, float).reshape(-1, 2) + centre
+    return hull(thing.vertices_in_world[:, :2])
+
+
+def hull(points: Floats) -> Floats:
+    """Convex hull (n, 2) of points (m, 2)."""
+    centre = points.mean(axis=0)
+    found = cv2.convexHull((points - centre).astype(np.float32))
+    corners: Floats = np.asarray(found, float).reshape(-1, 2) + centre
     return corners
 
 

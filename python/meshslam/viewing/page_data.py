@@ -10,6 +10,7 @@ import numpy as np
 from meshslam.geometry import Floats, Pose
 from meshslam.viewing.context import ReportContext
 from meshslam.viewing.markup import packed
+from meshslam.viewing.moving_page import moving_data
 from meshslam.viewing.overlay import keypoint_colour, visible_keypoints
 from meshslam.viewing.page_frames import PageFrame, frames_data
 from meshslam.viewing.path_charts import ITERATION
@@ -33,6 +34,7 @@ def page_data(context: ReportContext, frames: list[PageFrame]) -> dict[str, Any]
         },
         "frames": frames_data(context, frames, origin),
         "scene": scene_data(context, origin),
+        "moving": moving_data(context, origin),
         "paths": [_path("estimate", context.world_from_camera, origin), *_others(context, origin)],
         "series": _series(context),
         "iterations": [context.metrics[key] for key in sorted(context.metrics) if key.startswith(ITERATION)],

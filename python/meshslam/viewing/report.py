@@ -8,6 +8,7 @@ from string import Template
 
 from meshslam.viewing.context import ReportContext
 from meshslam.viewing.markup import asset, number, script, script_json, text
+from meshslam.viewing.moving_page import moving_table
 from meshslam.viewing.page_data import page_data
 from meshslam.viewing.page_frames import PageFrame, page_frames, shown_frames
 from meshslam.viewing.path_charts import ITERATION
@@ -50,6 +51,7 @@ def write_report(context: ReportContext, last_metrics: Callable[[], Mapping[str,
         headline=_headline(context),
         objects=objects,
         ious=_section("mask-iou", "Mask IoU of each object", iou_bars(context)),
+        moving=_section("moving", "Objects that drive", moving_table(context)),
         left_out=_section("left-out", "Left out", left_out),
         times=_section("times", "Time", time_bars(context.metrics)),
         figures=_section("figures", "Figures", _figures(context)),
@@ -74,6 +76,8 @@ def _figures(context: ReportContext) -> str:
 def _headline(context: ReportContext) -> str:
     """What to know first."""
     tiles = [("objects", str(len(context.map))), ("frames", str(len(context.frame_ids)))]
+    if context.map.moving:
+        tiles.insert(1, ("that drive", str(len(context.map.moving))))
     for key in HEADLINES:
         if key in context.metrics:
             shown = describe(key)

@@ -25,6 +25,7 @@ FIGURES: dict[str, Figure] = {
     "frames": Figure(RUN, "frames", "", 0),
     "tracks": Figure(RUN, "tracks", "", 0),
     "objects_mapped": Figure(RUN, "objects mapped", "", 0),
+    "objects_moving": Figure(RUN, "objects that drive", "", 0),
     "objects_in_map": Figure(RUN, "objects in the map", "", 0),
     "objects_seen": Figure(RUN, "objects seen", "", 0),
     "objects_moved": Figure(RUN, "objects that were moved", "", 0),

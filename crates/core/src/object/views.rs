@@ -1,6 +1,6 @@
 //! What one view says of an object: rows for the solver, overlap of masks, distances of borders.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::model::Model;
 use super::state::ObjectState;
@@ -115,7 +115,20 @@ pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>]
         hidden +=
             sum(mask.iter().zip(inside).zip(&view.hidden[crop]).map(|((m, i), h)| m & (1 - i) & u8::from(*h > 0)));
     }
+    hidden += hidden_beyond(view, &rect, &mask);
     both as f64 / (view.area_px + drawn - both - hidden).max(1) as f64
+}
+
+/// Drawn pixels off the crop that an occluder hides.
+fn hidden_beyond(view: &View, rect: &Rect, mask: &[u8]) -> usize {
+    if rect.intersection(&view.crop).area() == rect.area() || view.hidden.iter().all(|h| *h == 0) {
+        return 0;
+    }
+    let pixels = mask.iter().enumerate().filter(|(_, drawn)| **drawn > 0);
+    pixels
+        .map(|(at, _)| (rect.x0 + (at % rect.width) as i64, rect.y0 + (at / rect.width) as i64))
+        .filter(|(x, y)| view.crop.index(*x, *y).is_none() && view.is_hidden(&Vector2::new(*x as f64, *y as f64)))
+        .count()
 }
 
 fn sum(ones: impl Iterator<Item = u8>) -> usize {

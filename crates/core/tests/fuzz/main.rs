@@ -5,6 +5,7 @@
 use std::time::{Duration, Instant};
 
 use meshslam_core::camera::Camera;
+use meshslam_core::constellations::{Parked, ParkedMap, Rules};
 use meshslam_core::error::check_finite;
 use meshslam_core::gradients::exact::{Workspace, exact_gradient};
 use meshslam_core::gradients::kato::kato_gradient;
@@ -266,12 +267,51 @@ fn points(s: &mut Source) {
     }
 }
 
+fn parked(s: &mut Source, count: usize) -> Vec<Parked> {
+    let spread = 10f64.powf(s.uniform(-1.0, 5.0));
+    let one = |s: &mut Source| Parked {
+        place: [s.number(spread), s.number(spread)],
+        yaw_rad: s.number(3.0),
+        log_size: [s.number(1.0), s.number(1.0), s.number(1.0)],
+        variance_m2: s.number(0.1).abs(),
+    };
+    (0..count).map(|_| one(s)).collect()
+}
+
+fn places(s: &mut Source) {
+    let counts = [s.below(30), s.below(6)];
+    let objects = parked(s, counts[0]);
+    let Ok(map) = ParkedMap::new(objects) else { return };
+    let seen = parked(s, counts[1]);
+    let index = |s: &mut Source, count: usize| s.off_by_one(0) + s.below(count);
+    let ends: Vec<[usize; 2]> = (0..s.below(4)).map(|_| [0, 1].map(|_| index(s, counts[1]))).collect();
+    let lists: Vec<Vec<[i32; 2]>> = (0..s.off_by_one(ends.len()))
+        .map(|_| (0..s.below(40)).map(|_| [0, 1].map(|_| index(s, counts[0]) as i32)).collect())
+        .collect();
+    let rules = Rules {
+        place_variance_m2: s.number(0.05).abs(),
+        drift_share: s.number(0.01).abs(),
+        heading_sigma_rad: s.number(0.1).abs(),
+        size_variance: s.number(0.01).abs(),
+        other_size_variance: s.number(0.05).abs(),
+        objects_per_m2: s.number(0.05).abs(),
+        gate: s.number(4.0).abs(),
+        scale_sigma: s.number(0.05).abs(),
+    };
+    let lists: Vec<&[[i32; 2]]> = lists.iter().map(Vec::as_slice).collect();
+    let keep = s.below(70);
+    if let Ok(found) = map.candidates(&seen, &ends, &lists, &rules, keep) {
+        assert!(found.len() <= keep);
+        assert!(found.windows(2).all(|two| two[0].score >= two[1].score));
+    }
+}
+
 #[test]
 #[ignore = "runs for as long as FUZZ_SECONDS says: make fuzz"]
 fn entry_points() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
-    let targets = [masks, solver, points];
-    let run = |seed: u64| targets[(seed % 3) as usize](&mut Source(seed));
+    let targets = [masks, solver, points, places];
+    let run = |seed: u64| targets[(seed % 4) as usize](&mut Source(seed));
     if let Some(seed) = number("FUZZ_SEED") {
         return run(seed);
     }

@@ -456,9 +456,14 @@ fn mask_iou_is_that_of_the_drawn_masks() {
             let mask = drawn(&camera(), &placed(&pose, &vertices), &template.topology.faces);
             let (mut both, mut either) = (0, 0);
             for (i, &m) in mask.iter().enumerate() {
-                let at = view.crop.index((i % 160) as i64, (i / 160) as i64);
-                let observed = at.is_some_and(|i| view.distance_px[i] < 0.0);
-                let drawn = m > 0 && (observed || at.is_none_or(|i| view.hidden[i] == 0));
+                let (x, y) = ((i % 160) as i64, (i / 160) as i64);
+                let observed = view.crop.index(x, y).is_some_and(|i| view.distance_px[i] < 0.0);
+                let crop = &view.crop;
+                let nearest = crop.index(
+                    x.clamp(crop.x0, crop.x0 + crop.width as i64 - 1),
+                    y.clamp(crop.y0, crop.y0 + crop.height as i64 - 1),
+                );
+                let drawn = m > 0 && (observed || view.hidden[nearest.unwrap()] == 0);
                 both += i32::from(drawn && observed);
                 either += i32::from(drawn || observed);
             }

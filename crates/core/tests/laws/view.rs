@@ -77,7 +77,11 @@ fn marks_are_read_at_the_nearest_pixel() {
     Arc::make_mut(&mut view.cut)[0] = 1;
     assert!(view.is_hidden(&Vector2::new(43.4, 31.6)));
     assert!(!view.is_hidden(&Vector2::new(43.6, 31.6)));
-    assert!(!view.is_hidden(&Vector2::new(0.0, 0.0)), "beyond the crop no occluder is known");
+    assert!(!view.is_hidden(&Vector2::new(0.0, 0.0)));
+    Arc::make_mut(&mut view.hidden)[2 * 14 + 13] = 1;
+    assert!(view.is_hidden(&Vector2::new(140.0, 32.0)), "an occluder at the crop's edge goes on beyond it");
+    assert!(!view.is_hidden(&Vector2::new(140.0, 33.0)));
+    assert!(view.look(&Vector2::new(140.0, 32.0)).is_none() && view.look(&Vector2::new(140.0, 33.0)).is_some());
     assert!(!view.border_is_own(&Vector2::new(-100.0, 3.0)), "beyond the crop its nearest pixel speaks");
     assert!(view.border_is_own(&Vector2::new(45.0, 33.0)));
     assert!(view.in_image(&Vector2::new(-0.49, 119.49)) && !view.in_image(&Vector2::new(-0.51, 3.0)));

@@ -3,6 +3,7 @@ const makePlan = (run, state, box) => {
   const path = run.paths[0].points, hulls = run.objects.map((o) => o.footprint);
   const truthHulls = run.truth.map((t) => hullOf(t.place)), points = [...hulls.flat(), ...truthHulls.flat()];
   for (let i = 0; i < path.length; i += 3) points.push([path[i], path[i + 1]]);
+  for (const o of run.moving) points.push(...o.places.map(([x, y]) => [x, y]));
   for (const { points: p } of run.paths.slice(1)) {
     const flat = [];
     for (let i = 0; i < p.length; i += 3) flat.push([p[i], p[i + 1]]);
@@ -37,8 +38,8 @@ const makePlan = (run, state, box) => {
     truthHulls.forEach((hull, i) => svg.append(drawn("polygon", { class: `true${run.truth[i].estimate === null ? " missed" : ""}`, points: joined(hull) })));
     words = [];
     const cars = run.objects.map((o, i) => footprintOf(o, hulls[i], joined, scale, f));
-    svg.append(...styled.map((p) => pathOf(p, joined)));
-    svg.append(...cars, ...endsOf(), scaleBar(f, scale), axes(f), drawn("g", { class: "here" }));
+    svg.append(...styled.map((p) => pathOf(p, joined)), ...run.moving.map((o) => wayOf(o, joined)));
+    svg.append(...cars, ...endsOf(), scaleBar(f, scale), axes(f), drawn("g", { class: "driving" }), drawn("g", { class: "here" }));
     svg.addEventListener("click", (event) => { const hit = event.target.closest("[data-id]"); if (hit && !hand.moved) state.set({ object: Number(hit.dataset.id) }); });
     box.replaceChildren(svg);
     here();
@@ -70,6 +71,18 @@ const makePlan = (run, state, box) => {
       class: "path", points: joined(list), style: `stroke:var(${p.colour})`, "stroke-width": p.width, "stroke-opacity": p.opacity, "stroke-dasharray": p.dash && p.dash.join(" "),
     });
   };
+  const wayOf = (o, joined) => drawn("polyline", { class: "way", points: joined(o.places), style: `stroke:${rgbOf(o)}` }, drawn("title", {}, `${o.category} ${o.id} drives`));
+  const driving = (number) => {
+    const group = svg.querySelector(".driving"), joined = (list) => list.map((p) => toPage(p).map((v) => v.toFixed(1)).join(",")).join(" ");
+    group.replaceChildren(...run.moving.filter((o) => o.at.has(number)).map((o) => {
+      const i = o.at.get(number), [x, y] = toPage(o.places[i]), nose = [0.5, 0.66].map((k) => toPage(place(o.poseOf(i), [k * o.length, 0, 0])));
+      return drawn("g", { class: "car moving", "data-moving": o.id },
+        drawn("title", {}, `${o.category} ${o.id}: ${o.speeds[i].toFixed(1)} m/s, position ± ${o.sigmas[i].toFixed(2)} m`),
+        drawn("polygon", { points: joined(o.hullAt(i)), fill: rgbOf(o), stroke: rgbOf(o) }),
+        drawn("line", { class: "nose", x1: nose[0][0], y1: nose[0][1], x2: nose[1][0], y2: nose[1][1], stroke: rgbOf(o) }),
+        drawn("text", { x: x.toFixed(1), y: (y + 4).toFixed(1) }, String(o.id)));
+    }));
+  };
   const endsOf = () => {
     if (path.length < 3) return [];
     const [x, y] = toPage([path[0], path[1]]), [u, v] = toPage([path[path.length - 3], path[path.length - 2]]);
@@ -88,6 +101,7 @@ const makePlan = (run, state, box) => {
   const here = () => {
     const group = svg && svg.querySelector(".here"), frame = run.frames[state.now.frame];
     if (!group || !frame) return;
+    driving(frame.number);
     const ahead = column(frame.pose, 2), [x, y] = toPage(centreOf(frame.pose)), [u, v] = toPage(plus(centreOf(frame.pose), ahead, 1));
     const angle = Math.atan2(v - y, u - x) * 180 / Math.PI, half = Math.atan(run.camera.width / 2 / run.camera.fx), r = 26;
     const wedge = [-half, half].map((t) => `${(r * Math.cos(t)).toFixed(1)},${(r * Math.sin(t)).toFixed(1)}`);
@@ -130,6 +144,7 @@ const makePlan = (run, state, box) => {
 };
 
 const MOST_WIDER = 1.3;
+const rgbOf = ({ colour }) => `rgb(${colour.join(",")})`;
 const spanOf = (points) => {
   const side = (k) => points.reduce((high, p) => Math.max(high, p[k]), -Infinity) - points.reduce((low, p) => Math.min(low, p[k]), Infinity);
   return Math.hypot(side(0), side(1));
@@ -163,6 +178,7 @@ const mapLegend = (run) => [
   ...run.paths.map((p) => pathKey(p.name)),
   element("span", {}, element("i", { class: "start" }), "start"), element("span", {}, element("i", { class: "end" }), "end"),
   ...(run.frames.length ? [element("span", {}, element("i", { class: "here" }), "camera in this frame")] : []),
+  ...(run.moving.length ? [element("span", {}, element("i", { class: "way" }), "way of a car that drives; its place in this frame")] : []),
   ...(run.objects.length ? [element("span", {}, element("i", { class: "foot" }), "footprint, tick at the front")] : []),
   ...(run.objects.some((o) => o.ellipse) ? [element("span", {}, element("i", { class: "ellipse" }), "position, 1 σ")] : []),
   ...(run.objects.some((o) => o.doubts.length) ? [element("span", {}, element("i", { class: "foot doubtful" }), "doubtful")] : []),

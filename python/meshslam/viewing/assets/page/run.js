@@ -52,6 +52,15 @@ const readTruth = (scene) => scene.truth.map((t) => {
   return { ...t, place, ends, centre: [t.matrix[3], t.matrix[7], t.matrix[11]] };
 });
 
+// What drives: its pose, place and footprint at each of its frames, in world.
+const readMoving = (moving) => moving.map((o) => {
+  const poses = unpack(o.poses, Float32Array), at = new Map(o.frames.map((number, i) => [number, i]));
+  const poseOf = (i) => poses.subarray(12 * i, 12 * i + 12);
+  const places = o.frames.map((_, i) => centreOf(poseOf(i)));
+  const hullAt = (i) => o.footprint.map(([x, y]) => place(poseOf(i), [x, y, 0]));
+  return { ...o, at, poseOf, places, hullAt };
+});
+
 const readFrames = (frames) => {
   const poses = unpack(frames.poses, Float32Array), lengths = unpack(frames.border_lengths, Uint16Array);
   const points = unpack(frames.border_points, Int16Array);
@@ -77,7 +86,7 @@ const readRun = (data) => {
     views.get(detection.track).push({ frame, detection });
   }
   return {
-    ...data, objects, byId, frames, views, hasImages: data.frames.images, ground: data.scene.ground,
+    ...data, objects, byId, moving: readMoving(data.moving || []), frames, views, hasImages: data.frames.images, ground: data.scene.ground,
     truth: readTruth(data.scene), paths: data.paths.map((p) => ({ ...p, points: unpack(p.points, Float32Array) })),
   };
 };

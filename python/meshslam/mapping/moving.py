@@ -1,0 +1,81 @@
+"""Tracks that may show objects that drive: those that do become moving objects of the map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from meshslam.mapping.config import MappingConfig
+from meshslam.mapping.finished import Finished
+from meshslam.mapping.left_out import LeftOut
+from meshslam.mapping.work import Progress, each, first_pass
+from meshslam.maps import MovingObject
+from meshslam.moving import Begun, Estimated, ShapeEvidence, ShapePrior, begin_moving, finish_moving
+from meshslam.objects import Occluders, Scene, Track
+
+MOVES = "moves"
+DOUBTED = ("too far", "not on the road", "no such shape", "does not fit its masks")  # may be as it moves
+
+
+@dataclass(frozen=True, eq=False)
+class MovingMapping:
+    """What drives, and which tracks do not after all."""
+
+    objects: tuple[MovingObject, ...]
+    left_out: tuple[LeftOut, ...]  # what is left out still, with the reason
+
+
+def map_moving(
+    left_out: Sequence[LeftOut],
+    tracks: Sequence[Track],
+    standing: Sequence[Finished],
+    scene: Scene,
+    occluders: Occluders,
+    config: MappingConfig,
+    progress: Progress | None = None,
+) -> MovingMapping:
+    """Paths of tracks that were left out and may move, and of those in the map that the motion test doubts.
+
+    Each is fitted twice: then all objects of the drive but itself tell what shapes there are.
+    """
+    stands = [one for one in standing if one.unfit is None]
+    chosen = _to_try(left_out, tracks, stands, config) if config.moving.enabled else []
+    tried = {track.id for track in chosen}
+    modes, settings = scene.model.mode_count, config.moving
+    shapes = {one.work.observed.track.id: one.shape for one in stands if one.work.observed.track.id not in tried}
+    first = ShapePrior.of_drive(_known(shapes), modes)
+
+    def begin(track: Track) -> Begun:
+        fit = first_pass(track, scene, occluders)
+        return begin_moving(track, fit.found.state, fit.observed, scene, occluders, settings, first)
+
+    def finish(begun: Begun) -> Estimated:
+        others = {number: shape for number, shape in shapes.items() if number != begun.track.id}
+        prior = ShapePrior.of_drive(_known(others), modes)
+        return finish_moving(begun, scene, occluders, settings, prior, config.min_mask_iou)
+
+    begun = each("paths", begin, chosen, progress)
+    shapes |= {one.track.id: one.shape for one in begun}
+    ended = dict(zip([one.track.id for one in begun], each("moving", finish, begun, progress), strict=True))
+    objects = tuple(one.object for one in ended.values() if one.object is not None)
+    mapped = {thing.id for thing in objects}
+    return MovingMapping(objects, tuple(_told(row, ended) for row in left_out if row.track not in mapped))
+
+
+def _to_try(
+    left_out: Sequence[LeftOut], tracks: Sequence[Track], stands: Sequence[Finished], config: MappingConfig
+) -> list[Track]:
+    """Tracks that may show an object that drives."""
+    numbers = {row.track for row in left_out if row.reason in (MOVES, *DOUBTED)}
+    numbers |= {one.work.observed.track.id for one in stands if one.motion_gain > config.moving.doubt_gain}
+    return [track for track in tracks if track.id in numbers]
+
+
+def _known(shapes: dict[int, ShapeEvidence | None]) -> list[ShapeEvidence]:
+    return [shape for _, shape in sorted(shapes.items()) if shape is not None]
+
+
+def _told(row: LeftOut, ended: dict[int, Estimated]) -> LeftOut:
+    """The reason, and for what moves why it has no path."""
+    doubt = ended[row.track].doubt if row.reason == MOVES and row.track in ended else ""
+    return replace(row, detail=f"{row.detail}; {doubt}") if doubt else row

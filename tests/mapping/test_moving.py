@@ -1,0 +1,69 @@
+"""Which tracks are tried as objects that drive, and what tells each of them what shapes there are."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from meshslam.mapping import LeftOut, MappingConfig
+from meshslam.mapping import moving as mapping_moving
+from meshslam.moving import Begun, Estimated, ShapeEvidence, ShapePrior
+
+MODES = 2
+
+
+def shape(value):
+    return ShapeEvidence(np.full(MODES, value), 0.1 * np.eye(MODES))
+
+
+def stands(number, gain, value=0.0):
+    work = SimpleNamespace(observed=SimpleNamespace(track=SimpleNamespace(id=number)))
+    return SimpleNamespace(work=work, unfit=None, shape=shape(value), motion_gain=gain)
+
+
+@pytest.fixture
+def priors(monkeypatch):
+    """Map tracks without fitting any; gives each tried track's first and last prior."""
+    begun, ended = {}, {}
+
+    def begin(track, standing, observed, scene, occluders, settings, prior):
+        begun[track.id] = prior
+        return Begun(track, standing, None, shape(10.0 + track.id))
+
+    def finish(one, scene, occluders, settings, prior, min_mask_iou):
+        ended[one.track.id] = prior
+        return Estimated(None, "no path")
+
+    first = SimpleNamespace(found=SimpleNamespace(state=None), observed=None)
+    monkeypatch.setattr(mapping_moving, "first_pass", lambda *_: first)
+    monkeypatch.setattr(mapping_moving, "begin_moving", begin)
+    monkeypatch.setattr(mapping_moving, "finish_moving", finish)
+
+    def of(left_out, numbers, standing):
+        tracks = [SimpleNamespace(id=number) for number in numbers]
+        scene = SimpleNamespace(model=SimpleNamespace(mode_count=MODES))
+        found = mapping_moving.map_moving(left_out, tracks, standing, scene, None, MappingConfig())
+        return found, begun, ended
+
+    return of
+
+
+def test_tried_are_what_moves_what_fits_nowhere_and_what_the_motion_test_doubts(priors):
+    reasons = {1: "moves", 2: "too far", 3: "too few views", 4: "the same object", 5: "does not fit its masks"}
+    left_out = [LeftOut(number, reason, "so") for number, reason in reasons.items()]
+    standing = [stands(6, 7.9), stands(7, 8.1)]
+    found, begun, _ = priors(left_out, range(1, 8), standing)
+    assert sorted(begun) == [1, 2, 5, 7]
+    details = {row.track: row.detail for row in found.left_out}
+    assert details == {1: "so; no path", 2: "so", 3: "so", 4: "so", 5: "so"}
+
+
+def test_all_others_tell_a_tracks_shape_and_it_does_not_tell_its_own(priors):
+    standing = [stands(8, 0.0, 1.0), stands(9, 0.0, 2.0), stands(7, 9.0, 50.0)]
+    _, begun, ended = priors([LeftOut(1, "moves"), LeftOut(2, "moves")], (1, 2, 7), standing)
+    known = {1: shape(11.0), 2: shape(12.0), 7: shape(17.0), 8: shape(1.0), 9: shape(2.0)}
+    for number in (1, 2, 7):
+        before = ShapePrior.of_drive([known[8], known[9]], MODES)  # the doubted one's as a standing object is none
+        after = ShapePrior.of_drive([known[n] for n in sorted(known) if n != number], MODES)
+        np.testing.assert_allclose(begun[number].mean, before.mean)
+        np.testing.assert_allclose(ended[number].mean, after.mean)
