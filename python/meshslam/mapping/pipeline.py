@@ -14,7 +14,7 @@ from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, sc
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
-from meshslam.mapping.judgement import why_unfit, without_duplicates
+from meshslam.mapping.judgement import motion_of, why_unfit, without_duplicates
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.moving import map_moving
 from meshslam.mapping.seen_again import same_place, seen_again
@@ -169,10 +169,11 @@ def _fitted(
 
     def fit(work: Work) -> _Fitted:
         again = fit_again(work.with_views(scene), scene)
-        unfit = why_unfit(again, scene, config, judge_shape=False)
+        moved = motion_of(again, scene)
+        unfit = why_unfit(again, scene, config, judge_shape=False, moved=moved)
         if unfit is None:
             return _Fitted(held.settled(again), shape_evidence(again, scene))
-        hopeless = why_unfit(again, lenient_scene, lenient, judge_shape=False)
+        hopeless = why_unfit(again, lenient_scene, lenient, judge_shape=False, moved=moved)
         return _Fitted(held.settled(again), None, unfit, hopeless is None)
 
     rows = each("fit", fit, work, progress)

@@ -12,7 +12,7 @@ class MovingConfig(Settings):
     """How vehicles drive, and which tracks become moving objects; random walks per root of a second."""
 
     enabled: bool = expert(True)  # objects that drive are mapped with their paths, else left out
-    doubt_gain: float = expert(8.0, low=0)  # of a parked object whose path is tried, too
+    doubt_gain: float = expert(25.0, low=0)  # of a parked object whose path is tried, too
     min_views: int = expert(6, low=3)  # that an object needs
     max_views: int = expert(40, low=3)  # observations of an object that are used; every detection has a pose
     acceleration: float = expert(1.0, above=0, unit="m/s/√s")  # of the speed
@@ -24,5 +24,5 @@ class MovingConfig(Settings):
     road_correlation_m: float = expert(10.0, above=0)  # over which errors of the road's height are alike
     min_speed_m_s: float = expert(0.5, low=0)  # mean over the path
     min_speed_sigmas: float = expert(3.0, low=0)  # of the speed where it is most certain
-    min_gain: float = expert(8.0, low=0)  # by which the path must cost less than one place
+    min_gain: float = expert(25.0, low=0)  # by which the path must cost less than one place
     min_way_m: float = expert(2.0, low=0)  # between first and last place
