@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -117,3 +119,16 @@ def test_detections_of_a_file_give_the_map_of_the_network(four_frames, four_fram
     done("detect", four_frames, "--segmenter", network, "--out", tmp_path / "found.json")
     done("map", four_frames, "--detections", tmp_path / "found.json", "--out", tmp_path / "run")
     assert estimate(tmp_path / "run") == estimate(four_frames_run)
+
+
+def test_ctrl_c_while_the_commands_are_imported_is_told(tmp_path):
+    """An import that never ends stands for a slow disk."""
+    (tmp_path / "typer.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    command = [sys.executable, "-m", "meshslam", "version"]
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    assert process.stdout.readline() == "importing\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "interrupted: nothing was begun\n")

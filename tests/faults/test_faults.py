@@ -108,11 +108,11 @@ def test_another_user_changes_nothing_and_is_told_in_one_line(cases, zygote):
 FILES = {  # the first that is larger, of `simulate` and of `map`
     50: (r"\S*meshslam-lock", r"\S*meshslam-lock"),
     250: ("camera.yaml", "config.yaml"),
-    3000: ("detections.json", "detections.json"),
+    4500: ("detections.json", "detections.json"),
 }
 
 
-@pytest.mark.parametrize("limit_bytes", [50, 250, 3000])
+@pytest.mark.parametrize("limit_bytes", [50, 250, 4500])
 def test_a_file_that_the_disk_does_not_take_is_named(cases, tmp_path, limit_bytes):
     def limited():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # write() then fails, as on a full disk, with no name
