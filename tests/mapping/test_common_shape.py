@@ -11,7 +11,7 @@ from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, sc
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.work import first_pass
 from meshslam.maps import CameraPath
-from meshslam.objects import ObjectConfig, Occluders
+from meshslam.objects import ObjectConfig, Occluders, category_model, centred
 
 
 def test_it_is_the_posterior_mean_of_the_joint_problem(rng):
@@ -85,3 +85,24 @@ def test_what_a_car_does_not_show_is_as_with_the_others_of_its_drive(narrow_stre
 
     alone, with_others = (width_of_the_last(c) for c in (replace(config, common_shape_sigma=0.0), config))
     assert abs(with_others - width_m) < 0.7 * abs(alone - width_m)
+
+
+def test_stages_and_meshes_on_the_way_are_those_of_the_category(narrow_street, car):
+    frames, found, _ = narrow_street
+    told = []
+    mapped = map_objects(
+        frames,
+        found,
+        car,
+        ObjectConfig(),
+        MappingConfig(),
+        fixed_tracks=True,
+        on_objects=lambda all_: told.append(all_),
+    )
+    model = category_model(car)
+    for thing in mapped.map.objects:
+        last = centred(model, mapped.stages[thing.id].shaped)
+        assert np.allclose(last.vertices, thing.vertices, atol=1e-9)
+        widths = [np.ptp(one.vertices[:, 1]) for objects in told for one in objects if one.id == thing.id]
+        assert max(np.abs(np.diff(widths[-3:]))) < 0.1
+    assert {thing.id for thing in told[-1]} >= {thing.id for thing in mapped.map.objects}

@@ -100,7 +100,10 @@ def map_objects(
 
     # each object goes through a whole sweep at once, so that its views are made once and need not be kept
     work, scene = _begun(tracks, scene, occluders, known, config, held, progress, tell)
-    work, scene, gone = _fitted(work, scene, occluders, config, held, progress)
+    work, mu, gone = _fitted(work, scene, occluders, config, held, progress)
+    if mu is not None:
+        scene = scene_about(scene, mu)
+        so_far = _SoFar(scene)
     left_out += gone
     detections, work, gone = join_tracks(work, detections, scene, occluders, config, fixed_tracks=fixed_tracks)
     left_out += gone
@@ -121,7 +124,7 @@ def map_objects(
 
     ended = each("shape", last, work, progress)
     tell([one.work for one in ended])
-    mapping = _mapping(ended, left_out, detections, tracked, scene, config)
+    mapping = _mapping(ended, left_out, detections, tracked, scene, config, mu)
     if not fixed_tracks:
         mapping = _with_tracks_seen_again(mapping, frames)
     return _with_moving(mapping, tracks, ended, scene, placed, config, progress)
@@ -159,11 +162,11 @@ def _fitted(
     config: MappingConfig,
     held: HeldViews,
     progress: Progress | None,
-) -> tuple[list[Work], Scene, list[LeftOut]]:
+) -> tuple[list[Work], Floats | None, list[LeftOut]]:
     """Fitted with the noise known; what is no parked object is left out, but for its shape.
 
     Until places are known, masks alone tell what hides an object. What seems unfit then is fitted and judged again by
-    the places of all. The last sweep may mend its shape. The scene is that of the drive's common shape.
+    the places of all. The last sweep may mend its shape. Shapes are counted from the drive's common shape `mu` then.
     """
     lenient_scene, lenient = _lenient(scene, config)
 
@@ -190,7 +193,7 @@ def _fitted(
     doubtful = [row for row in rows if row.unfit is not None and row.is_candidate]
     judged = dict(zip(doubtful, each("judge", judge, doubtful, progress), strict=True))
     ended = [judged.get(row, (row.work, row.unfit)) for row in rows]
-    return [w for w, unfit in ended if unfit is None], scene, [unfit for _, unfit in ended if unfit is not None]
+    return [w for w, unfit in ended if unfit is None], mu, [unfit for _, unfit in ended if unfit is not None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +219,7 @@ def _mapping(
     tracked: DetectionSet,
     scene: Scene,
     config: MappingConfig,
+    mu: Floats | None = None,
 ) -> ObjectMapping:
     """What fits and stands in a place of its own, with its uncertainty."""
     unfit = [one.unfit for one in ended if one.unfit is not None]
@@ -223,7 +227,9 @@ def _mapping(
     kept = {w.observed.track.id for w in work}
     done = [one for one in ended if one.unfit is None and one.work.observed.track.id in kept]
     objects = tuple(one.object for one in done if one.object is not None)
-    stages = {w.observed.track.id: Stages(w.found.start, w.found.posed, w.found.modes, w.found.state) for w in work}
+    by_category = work if mu is None else [about(w, -mu) for w in work]
+    found = {w.observed.track.id: w.found for w in by_category}
+    stages = {number: Stages(f.start, f.posed, f.modes, f.state) for number, f in found.items()}
     reasons = tuple(sorted(left_out + unfit + doubled, key=lambda r: r.track))
     doubts = {one.object.id: one.reversed_probability for one in done if one.object is not None}
     told = {number: doubt for number, doubt in doubts.items() if doubt is not None}
