@@ -115,7 +115,7 @@ pub fn mask_iou(view: &View, world_from_object: &Pose, vertices: &[Vector3<f64>]
         hidden +=
             sum(mask.iter().zip(inside).zip(&view.hidden[crop]).map(|((m, i), h)| m & (1 - i) & u8::from(*h > 0)));
     }
-    hidden += hidden_beyond(view, &rect, &mask);
+    hidden += hidden_beyond(view, &rect, mask);
     both as f64 / (view.area_px + drawn - both - hidden).max(1) as f64
 }
 
