@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from meshslam.runs.evaluating import Measurable, read_material
     from meshslam.runs.judging import check_recording
     from meshslam.runs.localize_run import run_localize
+    from meshslam.runs.map_notes import heading_notes
     from meshslam.runs.map_run import map_recording, run_map
     from meshslam.runs.merge_run import run_merge
-    from meshslam.runs.notes import heading_notes, imu_notes, object_notes, scale_notes
+    from meshslam.runs.notes import imu_notes, object_notes, scale_notes
     from meshslam.runs.opening import open_input
     from meshslam.runs.other_formats import export_run
     from meshslam.runs.outlet import Outlet
@@ -40,7 +41,8 @@ else:
             "localize_run": "run_localize",
             "map_run": "map_recording run_map",
             "merge_run": "run_merge",
-            "notes": "heading_notes imu_notes object_notes scale_notes",
+            "map_notes": "heading_notes",
+            "notes": "imu_notes object_notes scale_notes",
             "opening": "open_input",
             "other_formats": "export_run",
             "outlet": "Outlet",

@@ -16,7 +16,7 @@ from meshslam.runs.config import Config
 from meshslam.runs.judging import judge_recording, judge_tracks, say
 from meshslam.runs.left_out import save_left_out_tracks
 from meshslam.runs.logged_run import LoggedRun, log_run_directory
-from meshslam.runs.notes import heading_notes
+from meshslam.runs.map_notes import heading_notes
 from meshslam.runs.outlet import Outlet
 from meshslam.runs.perception import follow, perceive
 from meshslam.runs.report import save_map_report

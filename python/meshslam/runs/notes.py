@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from meshslam.motion import ImuConfig, sample_rate_hz
@@ -11,8 +9,6 @@ from meshslam.perception import DetectionSet
 from meshslam.sequences import Sequence
 
 _LONG_S = 1.0  # without objects
-_DOUBTFUL = 0.1  # probability that an object faces the other way
-_CONTRARY = 0.5
 
 
 def imu_notes(sequence: Sequence, config: ImuConfig) -> list[str]:
@@ -43,16 +39,6 @@ def scale_notes(sequence: Sequence) -> list[str]:
         f"{sequence.root}: there is no IMU, and the camera's height above the ground is not known: the scale follows "
         "from the sizes of cars alone, and parked cars may be taken for moving ones: give the height, as "
         "height_above_ground_m in a camera.yaml"
-    ]
-
-
-def heading_notes(reversed_probabilities: Mapping[int, float]) -> list[str]:
-    """Which objects may face the other way, by object the probability of that."""
-    doubtful = {number: p for number, p in reversed_probabilities.items() if p > _DOUBTFUL}
-    return [
-        f"object {number}: front and rear may be exchanged (probability {p:.2f}): the viewing angles of its "
-        + ("detections do not decide" if p < _CONTRARY else "detections say so, its masks and key points do not")
-        for number, p in sorted(doubtful.items())
     ]
 
 
