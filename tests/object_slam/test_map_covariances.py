@@ -5,7 +5,7 @@ import pytest
 
 from meshslam.geometry import Pose
 from meshslam.graph import ObjectCovariance, moved_covariance
-from meshslam.maps import Map, MapObject, Trajectory, TrajectoryEstimate
+from meshslam.maps import Map, MapObject, MovingObject, MovingPath, Trajectory, TrajectoryEstimate
 from meshslam.object_slam.map_covariances import with_path_covariances
 
 FRAMES = tuple(range(5, 25))
@@ -62,3 +62,13 @@ def test_an_object_that_the_graph_lacks_moves_with_the_nearest_camera_that_saw_i
 def test_an_object_without_a_covariance_gets_none(estimate):
     (found,) = with_path_covariances(Map((car(3, 9.0, 6, 12, None),)), {}, estimate).objects
     assert found.pose_covariance is None
+
+
+def test_what_drives_stays_in_the_map(estimate):
+    body, times_s = car(7, 20.0, 6, 7), np.array([0.1, 0.2])
+    poses = tuple(Pose.from_yaw(0.4, np.array([20.0 + i, 3.0, 0.7])) for i in range(2))
+    ones = np.ones(2)
+    path = MovingPath(times_s, (6, 7), poses, np.array([OWN, OWN]), np.zeros((2, 3)), ones, ones, ones, ones)
+    moving = (MovingObject(body, 0.1, path),)
+    found = with_path_covariances(Map((car(1, 9.0, 6, 12),), moving), {}, estimate)
+    assert [one.id for one in found.moving] == [7]

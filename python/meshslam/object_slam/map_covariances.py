@@ -19,7 +19,8 @@ def with_path_covariances(scene: Map, of_graph: Mapping[int, ObjectCovariance], 
     that came nearest to it.
     """
     index = {frame: i for i, frame in enumerate(estimate.frame_ids)}
-    return Map(tuple(_with_path(thing, of_graph.get(thing.id), estimate, index) for thing in scene.objects))
+    objects = tuple(_with_path(thing, of_graph.get(thing.id), estimate, index) for thing in scene.objects)
+    return replace(scene, objects=objects)
 
 
 def _with_path(

@@ -83,7 +83,8 @@ def map_recording(
             progress=outlet.progress,
             on_objects=logged.objects if logged.is_on else None,
         )
-    for note in heading_notes(mapping.reversed_probabilities):
+    mapped = {number: p for number, p in mapping.reversed_probabilities.items() if number in mapping.map}
+    for note in heading_notes(mapped):
         outlet.note(note)
     logged.result(mapping.map, Trajectory(frames.times_s, frames.world_from_camera), mapping.detections)
     return Mapped(frames, mapping, clock)
