@@ -7,10 +7,12 @@ import pytest
 
 from meshslam.geometry import Pose
 from meshslam.mapping import MappingConfig, map_objects
-from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, scene_about
+from meshslam.mapping.common_shape import about, common_shape, scene_about
 from meshslam.mapping.pipeline import make_scene
+from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import first_pass
 from meshslam.maps import CameraPath
+from meshslam.moving import ShapeEvidence
 from meshslam.objects import ObjectConfig, Occluders, category_model, centred
 
 
@@ -45,8 +47,6 @@ def test_there_is_none_without_cars_or_where_it_is_not_wanted():
 def test_counted_from_another_mean_a_car_is_the_same(frames, tracked, car, rng):
     scene = make_scene(frames, tracked, car, ObjectConfig())
     occluders = Occluders(frames.camera, tracked.by_frame(), frames.pose_of_frame())
-    from meshslam.mapping.selection import usable_tracks
-
     [track, *_], _ = usable_tracks(frames, tracked, "car", MappingConfig(), 24.0)
     work = first_pass(track, scene, occluders)
     mu = rng.normal(0, 0.5, len(car.modes))

@@ -10,34 +10,27 @@ shape gets the prior N(mu, I) then (Gelman et al., Bayesian Data Analysis, 2013,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from meshslam.errors import GeometryError
 from meshslam.geometry import Floats, ObjectState
 from meshslam.mapping.work import Work
+from meshslam.moving import ShapeEvidence
 from meshslam.objects import Reconstruction, Scene, category_model
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeEvidence:
-    """What one object says of its modes: estimate z (M,) and covariance (M, M), in standard deviations."""
-
-    z: Floats
-    covariance: Floats
-
-
 def shape_evidence(work: Work, scene: Scene) -> ShapeEvidence | None:
-    """The evidence of a fitted object whose views are there; None where nothing holds a parameter."""
+    """The modes without free form of an object whose views are there; None where nothing holds a parameter."""
     found, views = work.found, work.observed.views
     try:
         covariance = scene.model.covariance(
-            views, found.ground, scene.config.noise, found.state, ["modes"], modes=True, free_form=False
+            views, found.ground, scene.config.noise, found.modes, ["modes"], modes=True, free_form=False
         )
     except GeometryError:
         return None
-    return ShapeEvidence(found.state.z, covariance)
+    return ShapeEvidence(found.modes.z, covariance)
 
 
 def common_shape(evidence: Sequence[ShapeEvidence], sigma: float) -> Floats | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshslam.errors import GeometryError
+from meshslam.mapping.common_shape import shape_evidence
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.judgement import motion_of, why_unfit
 from meshslam.mapping.left_out import LeftOut
@@ -42,7 +42,7 @@ def finished(work: Work, scene: Scene, config: MappingConfig) -> Finished:
         _map_object(work, scene),
         _ious(work, scene),
         reversed_probability=doubt,
-        shape=_shape_evidence(work, scene),
+        shape=shape_evidence(work, scene),
         motion_gain=moved[1],
     )
 
@@ -67,18 +67,6 @@ def _map_object(work: Work, scene: Scene) -> MapObject:
         vertex_sigma_m=sigma,
         vertex_observed=seen,
     )
-
-
-def _shape_evidence(work: Work, scene: Scene) -> ShapeEvidence | None:
-    """The modes without free form; None where nothing holds them."""
-    views, noise, found = work.observed.views, scene.config.noise, work.found
-    try:
-        covariance = scene.model.covariance(
-            views, found.ground, noise, found.modes, ["modes"], modes=True, free_form=False
-        )
-    except GeometryError:
-        return None
-    return ShapeEvidence(found.modes.z, covariance)
 
 
 def mean_ious(done: list[Finished]) -> dict[str, float]:

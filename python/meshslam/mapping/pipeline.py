@@ -10,7 +10,7 @@ import numpy as np
 
 from meshslam.categories import Category
 from meshslam.geometry import Floats, ObjectState, Pose
-from meshslam.mapping.common_shape import ShapeEvidence, about, common_shape, scene_about, shape_evidence
+from meshslam.mapping.common_shape import about, common_shape, scene_about, shape_evidence
 from meshslam.mapping.config import MappingConfig
 from meshslam.mapping.finished import Finished, finished, mean_ious
 from meshslam.mapping.joining import join_tracks
@@ -21,6 +21,7 @@ from meshslam.mapping.seen_again import same_place, seen_again
 from meshslam.mapping.selection import usable_tracks
 from meshslam.mapping.work import HeldViews, Progress, Work, by_gradient, each, first_pass, fit_again, next_pass
 from meshslam.maps import CameraPath, Map, MapObject
+from meshslam.moving import ShapeEvidence
 from meshslam.objects import (
     ObjectConfig,
     Occluders,
