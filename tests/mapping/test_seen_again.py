@@ -9,6 +9,7 @@ from meshslam.geometry import Pose
 from meshslam.mapping import LeftOut
 from meshslam.mapping.seen_again import same_place, seen_again
 from meshslam.maps import CameraPath, MapObject
+from meshslam.perception import encode_mask
 
 FRAMES = 12
 PLACES = {1: (30.0, 3.0), 2: (24.0, -3.5)}
@@ -91,3 +92,22 @@ def test_an_object_that_another_one_may_be_is_that_one(cars, frames, see, as_set
     assert len(detections.by_track()[1]) == 10
     sure = replace(twice, pose_covariance=np.diag([0.2, 0.1, 0.1, 1e-3, 1e-3, 1e-3]))
     assert same_place([*cars, sure], found, frames) == (found, {})
+
+
+def test_a_mask_over_two_cars_is_neithers(cars, frames, see, as_set):
+    """A network may take two neighbours for one: its mask agrees with each by about a half."""
+    twins = [
+        replace(cars[0], id=number, world_from_object=Pose.from_yaw(0.0, np.array([x, y, car_height(cars[0]) / 2])))
+        for number, x, y in ((1, 29.6, 1.0), (2, 30.0, -1.2))
+    ]
+    one, other = (see(9, thing, range(2), 40) for thing in twins)
+    both = []
+    for a, b in zip(one, other, strict=True):
+        mask = a.mask() | b.mask()
+        rows, columns = np.nonzero(mask)
+        box = tuple(map(float, (columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1)))
+        both.append(replace(a, bbox=box, segmentation=encode_mask(mask)))
+    found = as_set(FRAMES, [*see(1, twins[0], range(5, 12), 1), *see(2, twins[1], range(5, 12), 20), *both])
+    left_out = [LeftOut(9, "too few views")]
+    assert seen_again(twins, found, left_out, frames) == (found, left_out)
+    assert seen_again(twins[:1], found, left_out, frames)[1][0].reason == "the same object"
