@@ -132,3 +132,19 @@ def test_ctrl_c_while_the_commands_are_imported_is_told(tmp_path):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert (process.returncode, errors) == (130, "interrupted: nothing was begun\n")
+
+
+def test_ctrl_c_after_the_last_step_changes_nothing():
+    """Python restores the system's handler of signals while it ends: what goes last then stands for a slow end."""
+    script = (
+        "import os, signal, sys\n"
+        "class Last:\n"
+        "    def __del__(self, kill=os.kill, pid=os.getpid(), number=signal.SIGINT):\n"
+        "        kill(pid, number)\n"
+        "sys.last = Last()\n"
+        "sys.argv = ['meshslam', 'version']\n"
+        "from meshslam.cli import main\n"
+        "main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

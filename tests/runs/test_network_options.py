@@ -6,10 +6,12 @@ import json
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
 import meshslam
 from meshslam.errors import ConfigError, SequenceError
 from meshslam.geometry import Pose
+from meshslam.maps import Map, MapObject
 from meshslam.perception import load_segmenter
 from meshslam.runs import InputConfig, map_run
 from meshslam.sequences import write_sequence_folder
@@ -17,6 +19,7 @@ from tests.perception.test_networks import ADAPTER, own_network, painted
 from tests.sequences.conftest import CAMERA, coco_document
 
 FRAMES = 3
+BALL = trimesh.creation.icosphere(1)
 AHEAD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -66,7 +69,9 @@ def test_objects_that_may_face_the_other_way_are_noted(drive, tmp_path, monkeypa
     path.write_text(json.dumps(coco_document(FRAMES)))
 
     def doubtful(*given, **options):
-        return dataclasses.replace(mapped(*given, **options), reversed_probabilities={4: 0.3, 5: 0.0})
+        found = mapped(*given, **options)
+        cars = Map(tuple(MapObject(i, "car", Pose.identity(), BALL.vertices, BALL.faces) for i in (4, 5)))
+        return dataclasses.replace(found, map=cars, reversed_probabilities={4: 0.3, 5: 0.0, 6: 0.3})
 
     monkeypatch.setattr(map_run, "map_objects", doubtful)
     notes = meshslam.map_drive(drive, detections=path, keypoints=False).notes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -108,6 +109,7 @@ def main() -> None:
     try:
         app()
     except SystemExit:
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # all is done: Python's end has no word for it
         raise
     except BaseException as error:  # the last place where it can be told
         _end(*_told(error))
