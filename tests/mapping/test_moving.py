@@ -7,7 +7,7 @@ import pytest
 
 from meshslam.mapping import LeftOut, MappingConfig
 from meshslam.mapping import moving as mapping_moving
-from meshslam.moving import Begun, Estimated, ShapeEvidence, ShapePrior
+from meshslam.moving import Begun, Estimated, Needed, ShapeEvidence, ShapePrior
 
 MODES = 2
 
@@ -16,22 +16,23 @@ def shape(value):
     return ShapeEvidence(np.full(MODES, value), 0.1 * np.eye(MODES))
 
 
-def stands(number, gain, value=0.0):
+def stands(number, gain, value=0.0, mask_iou=0.9):
     work = SimpleNamespace(observed=SimpleNamespace(track=SimpleNamespace(id=number)))
-    return SimpleNamespace(work=work, unfit=None, shape=shape(value), motion_gain=gain)
+    thing = SimpleNamespace(mask_iou=mask_iou)
+    return SimpleNamespace(work=work, unfit=None, object=thing, shape=shape(value), motion_gain=gain)
 
 
 @pytest.fixture
 def priors(monkeypatch):
-    """Map tracks without fitting any; gives each tried track's first and last prior."""
-    begun, ended = {}, {}
+    """Map tracks without fitting any; gives each tried track's first and last prior, and what its path must reach."""
+    begun, ended, bounds = {}, {}, {}
 
     def begin(track, standing, observed, scene, occluders, settings, prior):
         begun[track.id] = prior
         return Begun(track, standing, None, shape(10.0 + track.id))
 
-    def finish(one, scene, occluders, settings, prior, min_mask_iou):
-        ended[one.track.id] = prior
+    def finish(one, scene, occluders, settings, prior, needed):
+        ended[one.track.id], bounds[one.track.id] = prior, needed
         return Estimated(None, "no path")
 
     first = SimpleNamespace(found=SimpleNamespace(state=None), observed=None)
@@ -43,7 +44,7 @@ def priors(monkeypatch):
         tracks = [SimpleNamespace(id=number) for number in numbers]
         scene = SimpleNamespace(model=SimpleNamespace(mode_count=MODES))
         found = mapping_moving.map_moving(left_out, tracks, standing, scene, None, MappingConfig())
-        return found, begun, ended
+        return found, begun, ended, bounds
 
     return of
 
@@ -51,16 +52,25 @@ def priors(monkeypatch):
 def test_tried_are_what_moves_what_fits_nowhere_and_what_the_motion_test_doubts(priors):
     reasons = {1: "moves", 2: "too far", 3: "too few views", 4: "the same object", 5: "does not fit its masks"}
     left_out = [LeftOut(number, reason, "so") for number, reason in reasons.items()]
-    standing = [stands(6, 24.9), stands(7, 25.1)]
-    found, begun, _ = priors(left_out, range(1, 8), standing)
-    assert sorted(begun) == [1, 2, 5, 7]
+    standing = [stands(6, 3.9), stands(7, 4.1), stands(8, 0.0, mask_iou=0.84), stands(9, 0.0, mask_iou=0.86)]
+    found, begun, _, _ = priors(left_out, range(1, 10), standing)
+    assert sorted(begun) == [1, 2, 5, 7, 8]
     details = {row.track: row.detail for row in found.left_out}
     assert details == {1: "so; no path", 2: "so", 3: "so", 4: "so", 5: "so"}
 
 
+def test_a_path_must_reach_more_where_an_object_that_stands_fits_too(priors):
+    config = MappingConfig()
+    _, _, _, bounds = priors([LeftOut(1, "moves")], (1, 7), [stands(7, 26.0)])
+    assert bounds[1] == Needed(config.moving.min_gain, config.min_mask_iou)
+    assert bounds[7] == Needed(config.moving.standing_gain, config.moving.standing_mask_iou)
+    assert bounds[7].gain > bounds[1].gain
+    assert bounds[7].mask_iou > bounds[1].mask_iou
+
+
 def test_all_others_tell_a_tracks_shape_and_it_does_not_tell_its_own(priors):
     standing = [stands(8, 0.0, 1.0), stands(9, 0.0, 2.0), stands(7, 26.0, 50.0)]
-    _, begun, ended = priors([LeftOut(1, "moves"), LeftOut(2, "moves")], (1, 2, 7), standing)
+    _, begun, ended, _ = priors([LeftOut(1, "moves"), LeftOut(2, "moves")], (1, 2, 7), standing)
     known = {1: shape(11.0), 2: shape(12.0), 7: shape(17.0), 8: shape(1.0), 9: shape(2.0)}
     for number in (1, 2, 7):
         before = ShapePrior.of_drive([known[8], known[9]], MODES)  # the doubted one's as a standing object is none

@@ -10,7 +10,16 @@ from meshslam.mapping.finished import Finished
 from meshslam.mapping.left_out import LeftOut
 from meshslam.mapping.work import Progress, each, first_pass
 from meshslam.maps import MovingObject
-from meshslam.moving import Begun, Estimated, ShapeEvidence, ShapePrior, begin_moving, finish_moving
+from meshslam.moving import (
+    Begun,
+    Estimated,
+    MovingConfig,
+    Needed,
+    ShapeEvidence,
+    ShapePrior,
+    begin_moving,
+    finish_moving,
+)
 from meshslam.objects import Occluders, Scene, Track
 
 MOVES = "moves"
@@ -40,9 +49,11 @@ def map_moving(
     """
     stands = [one for one in standing if one.unfit is None]
     chosen = _to_try(left_out, tracks, stands, config) if config.moving.enabled else []
-    tried = {track.id for track in chosen}
+    tried, standing_ids = {track.id for track in chosen}, {one.work.observed.track.id for one in stands}
     modes, settings = scene.model.mode_count, config.moving
     shapes = {one.work.observed.track.id: one.shape for one in stands if one.work.observed.track.id not in tried}
+    of_standing = Needed(settings.standing_gain, settings.standing_mask_iou)
+    of_left_out = Needed(settings.min_gain, config.min_mask_iou)
     first = ShapePrior.of_drive(_known(shapes), modes)
 
     def begin(track: Track) -> Begun:
@@ -52,7 +63,8 @@ def map_moving(
     def finish(begun: Begun) -> Estimated:
         others = {number: shape for number, shape in shapes.items() if number != begun.track.id}
         prior = ShapePrior.of_drive(_known(others), modes)
-        return finish_moving(begun, scene, occluders, settings, prior, config.min_mask_iou)
+        needed = of_standing if begun.track.id in standing_ids else of_left_out
+        return finish_moving(begun, scene, occluders, settings, prior, needed)
 
     begun = each("paths", begin, chosen, progress)
     shapes |= {one.track.id: one.shape for one in begun}
@@ -65,10 +77,20 @@ def map_moving(
 def _to_try(
     left_out: Sequence[LeftOut], tracks: Sequence[Track], stands: Sequence[Finished], config: MappingConfig
 ) -> list[Track]:
-    """Tracks that may show an object that drives."""
+    """Tracks that may show an object that drives.
+
+    One that stops and goes, or goes ahead of the camera, looks much like a larger one that stands further away: the
+    motion test's one velocity gains little there, a path much.
+    """
     numbers = {row.track for row in left_out if row.reason in (MOVES, *DOUBTED)}
-    numbers |= {one.work.observed.track.id for one in stands if one.motion_gain > config.moving.doubt_gain}
+    numbers |= {one.work.observed.track.id for one in stands if _is_doubtful(one, config.moving)}
     return [track for track in tracks if track.id in numbers]
+
+
+def _is_doubtful(one: Finished, config: MovingConfig) -> bool:
+    """Whether an object in one place does not explain its masks well enough not to ask for a path."""
+    overlap = None if one.object is None else one.object.mask_iou
+    return one.motion_gain > config.doubt_gain or (overlap is not None and overlap < config.doubt_mask_iou)
 
 
 def _known(shapes: dict[int, ShapeEvidence | None]) -> list[ShapeEvidence]:

@@ -26,6 +26,14 @@ class Estimated:
     doubt: str = ""
 
 
+@dataclass(frozen=True)
+class Needed:
+    """What a path must reach to be believed."""
+
+    gain: float  # by which it costs less than one place
+    mask_iou: float  # mean over its views
+
+
 @dataclass(frozen=True, eq=False)
 class Begun:
     """A track's first path, without its views, and what it tells of the shapes of a drive's objects."""
@@ -64,7 +72,7 @@ def finish_moving(
     occluders: Occluders,
     config: MovingConfig,
     shapes: ShapePrior,
-    min_mask_iou: float,
+    needed: Needed,
 ) -> Estimated:
     """Path and mesh with what the drive's other objects tell of shapes; or why it is no moving object."""
     if begun.state is None:
@@ -75,7 +83,7 @@ def finish_moving(
         gain = _standing_cost(fit, begun.standing, scene) - fit.at.cost
     except GeometryError as error:
         return Estimated(None, f"its path cannot be solved: {error}")
-    doubt = _doubt(found, gain, config, min_mask_iou)
+    doubt = _doubt(found, gain, config, needed)
     return Estimated(None, doubt) if doubt else Estimated(found)
 
 
@@ -91,17 +99,17 @@ def _standing_cost(fit: PathFit, standing: ObjectState, scene: Scene) -> float:
     return min(costs)
 
 
-def _doubt(found: MovingObject, gain: float, config: MovingConfig, min_mask_iou: float) -> str:
+def _doubt(found: MovingObject, gain: float, config: MovingConfig, needed: Needed) -> str:
     """Why the path is not to be believed; empty if it is."""
     path, overlap = found.path, found.body.mask_iou or 0.0
     way = float(np.linalg.norm(path.positions_in_world[-1] - path.positions_in_world[0]))
     certain = float((np.abs(path.speeds_m_s) / path.speed_sigmas_m_s).max())
-    if overlap < min_mask_iou:
+    if overlap < needed.mask_iou:
         return f"its path does not fit its masks: mean mask IoU {overlap:.2f}"
     if path.mean_speed_m_s < config.min_speed_m_s or way < config.min_way_m:
         return f"its path is too short to be told from one place: {way:.1f} m at {path.mean_speed_m_s:.1f} m/s"
     if certain < config.min_speed_sigmas:
         return f"its speed is not certain: {path.mean_speed_m_s:.1f} m/s is at most {certain:.1f} sigmas"
-    if gain < config.min_gain:
+    if gain < needed.gain:
         return f"its views agree as well with one place: cost lower by {gain:.0f} on the path"
     return ""
