@@ -63,9 +63,11 @@ def test_a_path_must_reach_more_where_an_object_that_stands_fits_too(priors):
     config = MappingConfig()
     _, _, _, bounds = priors([LeftOut(1, "moves")], (1, 7), [stands(7, 26.0)])
     assert bounds[1] == Needed(config.moving.min_gain, config.min_mask_iou)
+    assert config.moving.standing_gain > config.moving.min_gain
     assert bounds[7] == Needed(config.moving.standing_gain, config.moving.standing_mask_iou)
-    assert bounds[7].gain > bounds[1].gain
-    assert bounds[7].mask_iou > bounds[1].mask_iou
+    _, _, _, bounds = priors([], (6, 8), [stands(6, 26.0, mask_iou=0.3), stands(8, 26.0, mask_iou=0.63)])
+    assert bounds[6].mask_iou == config.min_mask_iou
+    assert bounds[8].mask_iou == pytest.approx(0.73)
 
 
 def test_all_others_tell_a_tracks_shape_and_it_does_not_tell_its_own(priors):

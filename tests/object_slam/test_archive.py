@@ -42,7 +42,7 @@ def estimator(setup, drive, seen):
     made.joined = [(2, 1), (len(made.landmarks), 2)]
     made.moving |= {31, 502}
     made.odometry_frame.map_from_odometry = Pose.from_yaw(0.1, np.array([0.4, 0.2, 0.1]))
-    made.odometry_frame.closed_at_m = 3.25
+    made.odometry_frame.drift_m = 3.25
     assert made.candidates
     assert made.in_view
     return made
@@ -68,7 +68,7 @@ def test_landmarks_that_are_one_stay_one(estimator, read_back):
 
 def test_the_path_and_the_odometrys_world_are_restored(estimator, read_back):
     assert all(same(estimator.path[f], read_back.path[f]) for f in estimator.frame_ids)
-    for name in ("map_from_odometry", "distance_m", "closed_at_m"):
+    for name in ("map_from_odometry", "distance_m", "drift_m"):
         assert same(getattr(estimator.odometry_frame, name), getattr(read_back.odometry_frame, name))
 
 

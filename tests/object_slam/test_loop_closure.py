@@ -79,7 +79,7 @@ def test_one_is_enough_only_where_the_path_is_sure():
 
 def drifted(off_m, left_at_m=0.0):
     """Three landmarks that left the view, and the same three seen anew, all of them off by a distance."""
-    seen = {"views": 20, "nearest_m": 8.0, "last_distance_m": left_at_m}
+    seen = {"views": 20, "nearest_m": 8.0, "drift_m": left_at_m}
     landmarks = {}
     for k in (1, 2, 3):
         known, found = (Pose(np.eye(3), np.array([8.0 * k + off, 3.0, 0.0])) for off in (0.0, off_m))
@@ -95,23 +95,48 @@ def closes(marks, at, joined=(), config=CONFIG):
 
 @pytest.mark.parametrize(("distance_m", "radius_m"), [(0.0, 1.0), (100.0, 3.0), (300.0, 7.0), (5000.0, 12.0)])
 def test_the_search_radius_grows_with_the_distance_up_to_a_limit(distance_m, radius_m):
-    at = OdometryFrame(Pose.identity(), distance_m)
+    at = OdometryFrame(Pose.identity(), distance_m, distance_m)
     spread = replace(CONFIG, min_separation_m=0.1)
     assert closes(drifted(0.95 * radius_m), at, config=spread)
     assert not closes(drifted(1.05 * radius_m), at, config=spread)
 
 
-def test_a_loop_closure_resets_the_search_radius():
-    """After it the path is known anew: only what was travelled since counts."""
+def closed_with(at, drift_m):
+    """The frame after a loop closure with a landmark that was seen after a drift."""
+    pose = Pose.identity()
+    at.close(pose, [Landmark(1, 1, pose, np.zeros(2), SIZE, drift_m=drift_m)])
+    return at
+
+
+def test_a_loop_closure_takes_the_drift_back_to_where_the_older_landmark_was_seen():
     marks = drifted(3.0)
-    assert closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=0.0))
-    assert not closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=300.0))
-    assert not closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=220.0))
-    assert closes(marks, OdometryFrame(Pose.identity(), 300.0, closed_at_m=190.0))
+    assert closes(marks, OdometryFrame(Pose.identity(), 300.0, 300.0))
+    assert not closes(marks, closed_with(OdometryFrame(Pose.identity(), 300.0, 300.0), 0.0))
+    assert not closes(marks, closed_with(OdometryFrame(Pose.identity(), 300.0, 300.0), 80.0))
+    assert closes(marks, closed_with(OdometryFrame(Pose.identity(), 300.0, 300.0), 120.0))
+
+
+def test_a_closure_with_what_was_seen_a_moment_ago_leaves_the_drift():
+    """Else a car that is lost from view for some frames before a loop's end would hide the loop."""
+    at = closed_with(OdometryFrame(Pose.identity(), 600.0, 600.0), 580.0)
+    assert at.drift_m == 580.0
+    assert closes(drifted(6.5), at)
+    assert closed_with(at, 590.0).drift_m == 580.0
+
+
+def test_the_drift_grows_with_the_way():
+    at = OdometryFrame(Pose.identity(), 600.0, 10.0)
+    at.travel(2.5)
+    assert (at.distance_m, at.drift_m) == (602.5, 12.5)
+
+
+def test_a_landmark_seen_further_along_than_the_camera_now_is_has_drifted_too():
+    """Once a loop is closed, what lies on its far side is as far away along the path as before."""
+    assert closes(drifted(3.0, left_at_m=300.0), OdometryFrame(Pose.identity(), 600.0, 10.0))
 
 
 def test_what_left_the_view_just_now_is_searched_nearby():
-    at = OdometryFrame(Pose.identity(), 300.0)
+    at = OdometryFrame(Pose.identity(), 300.0, 300.0)
     assert closes(drifted(3.0, left_at_m=100.0), at)
     assert not closes(drifted(3.0, left_at_m=290.0), at)
 

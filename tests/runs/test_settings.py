@@ -61,6 +61,7 @@ ADDED = (  # since 0.1
     "mapping.moving.doubt_mask_iou",
     "mapping.moving.standing_gain",
     "mapping.moving.standing_mask_iou",
+    "mapping.moving.standing_mask_iou_step",
     "mapping.moving.min_gain",
     "mapping.moving.min_views",
     "mapping.moving.max_views",

@@ -49,11 +49,11 @@ def map_moving(
     """
     stands = [one for one in standing if one.unfit is None]
     chosen = _to_try(left_out, tracks, stands, config) if config.moving.enabled else []
-    tried, standing_ids = {track.id for track in chosen}, {one.work.observed.track.id for one in stands}
+    tried = {track.id for track in chosen}
     modes, settings = scene.model.mode_count, config.moving
     shapes = {one.work.observed.track.id: one.shape for one in stands if one.work.observed.track.id not in tried}
-    of_standing = Needed(settings.standing_gain, settings.standing_mask_iou)
-    of_left_out = Needed(settings.min_gain, config.min_mask_iou)
+    needed = {one.work.observed.track.id: _in_its_place(one, config) for one in stands}
+    otherwise = Needed(settings.min_gain, config.min_mask_iou)
     first = ShapePrior.of_drive(_known(shapes), modes)
 
     def begin(track: Track) -> Begun:
@@ -63,8 +63,7 @@ def map_moving(
     def finish(begun: Begun) -> Estimated:
         others = {number: shape for number, shape in shapes.items() if number != begun.track.id}
         prior = ShapePrior.of_drive(_known(others), modes)
-        needed = of_standing if begun.track.id in standing_ids else of_left_out
-        return finish_moving(begun, scene, occluders, settings, prior, needed)
+        return finish_moving(begun, scene, occluders, settings, prior, needed.get(begun.track.id, otherwise))
 
     begun = each("paths", begin, chosen, progress)
     shapes |= {one.track.id: one.shape for one in begun}
@@ -85,6 +84,13 @@ def _to_try(
     numbers = {row.track for row in left_out if row.reason in (MOVES, *DOUBTED)}
     numbers |= {one.work.observed.track.id for one in stands if _is_doubtful(one, config.moving)}
     return [track for track in tracks if track.id in numbers]
+
+
+def _in_its_place(one: Finished, config: MappingConfig) -> Needed:
+    """What a path must reach to take an object's place that stands: its masks are explained well, or far better."""
+    settings, overlap = config.moving, 0.0 if one.object is None else one.object.mask_iou or 0.0
+    enough = min(settings.standing_mask_iou, overlap + settings.standing_mask_iou_step)
+    return Needed(settings.standing_gain, max(config.min_mask_iou, enough))
 
 
 def _is_doubtful(one: Finished, config: MovingConfig) -> bool:

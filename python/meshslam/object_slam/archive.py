@@ -44,7 +44,7 @@ def estimator_to_arrays(estimator: SlamEstimator) -> Arrays:
         "odometry_frame": {
             "pose": at.map_from_odometry.matrix.tolist(),
             "distance_m": at.distance_m,
-            "closed_at_m": at.closed_at_m,
+            "drift_m": at.drift_m,
         },
         "landmarks": [_landmark_to_plain(mark) for mark in estimator.landmarks.values()],
         "candidates": [_candidate_to_plain(track, c) for track, c in estimator.candidates.items()],
@@ -71,7 +71,7 @@ def estimator_from_arrays(estimator: SlamEstimator, arrays: Mapping[str, Any]) -
     estimator.joined = [(new, old) for new, old in plain["joined"]]
     estimator.looked_at = plain["looked_at"]
     at = plain["odometry_frame"]
-    estimator.odometry_frame = OdometryFrame(_pose(at["pose"]), at["distance_m"], at["closed_at_m"])
+    estimator.odometry_frame = OdometryFrame(_pose(at["pose"]), at["distance_m"], at["drift_m"])
     estimator.landmarks = {mark["number"]: _landmark(mark) for mark in plain["landmarks"]}
     estimator.state = state_from_plain(plain["state"])
     if estimator.road is not None and plain["road"] is not None:
@@ -99,7 +99,7 @@ def _mask(packed: Bytes, estimator: SlamEstimator) -> Bytes:
 
 
 def _landmark_to_plain(mark: Landmark) -> dict[str, Any]:
-    names = ("number", "track", "views", "nearest_m", "last_distance_m", "moves", "is_withdrawn")
+    names = ("number", "track", "views", "nearest_m", "drift_m", "moves", "is_withdrawn")
     row = {name: getattr(mark, name) for name in names}
     left = mark.pose_covariance
     row |= {

@@ -313,7 +313,7 @@ class SlamEstimator:
         """Note that a landmark was observed; put it on the road, and now and then test whether it moves."""
         landmark = self.landmarks[number]
         landmark.views += 1
-        landmark.last_distance_m = self.odometry_frame.distance_m
+        landmark.drift_m = self.odometry_frame.drift_m
         landmark.dimensions = np.ptp(self.vertices(landmark), axis=0)
         if self._shape_error(landmark) > self.setup.slam.max_shape_error:
             self._withdraw(landmark)
@@ -379,15 +379,14 @@ class SlamEstimator:
         """Join landmarks in view with older ones, and lay the odometry's world anew in the map."""
         if len(self.path) > 1:
             last, now = (self.path[f].translation for f in self.frame_ids[-2:])
-            self.odometry_frame.distance_m += float(np.linalg.norm(now - last))
+            self.odometry_frame.travel(float(np.linalg.norm(now - last)))
         if not self.setup.slam.loop_closure.enabled:
             return
         in_view, config = set(self.in_view.values()), self.setup.slam.loop_closure
         found = find_loop_closure(self.landmarks, in_view, self.joined, self.odometry_frame, config)
         if found is not None:
             self.joined += found.pairs
-            self.odometry_frame.map_from_odometry = found.correction @ self.odometry_frame.map_from_odometry
-            self.odometry_frame.closed_at_m = self.odometry_frame.distance_m
+            self.odometry_frame.close(found.correction, (self.landmarks[old] for _, old in found.pairs))
 
 
 def _road(setup: SlamSetup, image_features: ImageFeatures | None) -> RoadDisplacements | None:

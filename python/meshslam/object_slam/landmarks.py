@@ -24,7 +24,7 @@ class Landmark:
     dimensions: Floats  # (3,), length, width, height
     views: int = 0
     nearest_m: float = np.inf
-    last_distance_m: float = 0.0  # that the camera had travelled when it was last seen
+    drift_m: float = 0.0  # length of path over which the camera had drifted when it was last seen
     in_map: Pose | None = None  # map_from_object, once it has left the view
     moves: bool = False
     is_withdrawn: bool = False  # no shape of the category explained its observations
@@ -52,11 +52,25 @@ def scale_direction(category: Category) -> Floats:
 
 @dataclass
 class OdometryFrame:
-    """How far the camera has travelled, and how the odometry's world lies in the map."""
+    """How far the camera has travelled, and how the odometry's world lies in the map.
+
+    The camera's place in the map has drifted over `drift_m`: a loop closure with a landmark takes it back to where that
+    was seen. One that was seen a moment ago takes it back by a moment only.
+    """
 
     map_from_odometry: Pose = field(default_factory=Pose.identity)
     distance_m: float = 0.0
-    closed_at_m: float = 0.0  # the distance at the last loop closure
+    drift_m: float = 0.0  # the shortest way along the path and loop closures back to the start
+
+    def travel(self, way_m: float) -> None:
+        """Go on along the path."""
+        self.distance_m += way_m
+        self.drift_m += way_m
+
+    def close(self, correction: Pose, known: Iterable[Landmark]) -> None:
+        """Move the odometry's world in the map so that landmarks in view are those that are known."""
+        self.map_from_odometry = correction @ self.map_from_odometry
+        self.drift_m = min([self.drift_m, *(mark.drift_m for mark in known)])
 
 
 def find_loop_closure(
@@ -77,8 +91,8 @@ def find_loop_closure(
     known = [mark for number, mark in landmarks.items() if number not in in_view | taken and mark.counts]
     if not seen or not known:
         return None
-    travelled = [at.distance_m - max(mark.last_distance_m, at.closed_at_m) for mark in known]
-    radii = [min(config.radius_m + config.drift_share * distance, config.max_radius_m) for distance in travelled]
+    drift = [abs(at.drift_m - mark.drift_m) for mark in known]
+    radii = [min(config.radius_m + config.drift_share * length, config.max_radius_m) for length in drift]
     return match_landmarks(seen, [mark.placed(at.map_from_odometry) for mark in known], radii, config)
 
 

@@ -53,7 +53,7 @@ from meshslam.perception import (
 from meshslam.plausibility import RatesBySight
 from meshslam.sequences import ImuSamples, InitialState
 
-FORMAT = "meshslam-slam-6"
+FORMAT = "meshslam-slam-7"
 Progress = Callable[[str, int, int], None]
 
 
