@@ -71,11 +71,12 @@ def test_a_path_must_reach_more_where_an_object_that_stands_fits_too(priors):
 
 
 def test_all_others_tell_a_tracks_shape_and_it_does_not_tell_its_own(priors):
+    """What stands after all, 7, tells its shape as what stands does: 50, not 17."""
     standing = [stands(8, 0.0, 1.0), stands(9, 0.0, 2.0), stands(7, 26.0, 50.0)]
     _, begun, ended, _ = priors([LeftOut(1, "moves"), LeftOut(2, "moves")], (1, 2, 7), standing)
-    known = {1: shape(11.0), 2: shape(12.0), 7: shape(17.0), 8: shape(1.0), 9: shape(2.0)}
+    first = {7: 50.0, 8: 1.0, 9: 2.0}
+    last = {1: 11.0, 2: 12.0, **first}
     for number in (1, 2, 7):
-        before = ShapePrior.of_drive([known[8], known[9]], MODES)  # the doubted one's as a standing object is none
-        after = ShapePrior.of_drive([known[n] for n in sorted(known) if n != number], MODES)
-        np.testing.assert_allclose(begun[number].mean, before.mean)
-        np.testing.assert_allclose(ended[number].mean, after.mean)
+        for found, told in ((begun, first), (ended, last)):
+            others = [shape(value) for n, value in sorted(told.items()) if n != number]
+            np.testing.assert_allclose(found[number].mean, ShapePrior.of_drive(others, MODES).mean)

@@ -74,6 +74,33 @@ def test_one_is_enough_only_where_the_path_is_sure():
     assert match_landmarks(seen, known, [5.0] * 5, CONFIG) is None
 
 
+def of_tracks(seen, tracks):
+    return [replace(thing, track=track) for thing, track in zip(seen, tracks, strict=True)]
+
+
+def test_two_pairs_of_one_track_each_are_enough():
+    """A tracker took each for one object before it was known where they are; one alone may be its mistake."""
+    rng = np.random.default_rng(2)
+    known = constellation(rng, 6)
+    seen = moved(known[1:3], Pose(np.eye(3), np.array([3.0, 0.0, 0.0])), rng)
+    assert match_landmarks(seen, known, [8.0] * 6, CONFIG) is None
+    assert match_landmarks(of_tracks(seen, (2, 3)), known, [8.0] * 6, CONFIG).pairs == ((102, 2), (103, 3))
+    assert match_landmarks(of_tracks(seen[:1], (2,)), known, [8.0] * 6, CONFIG) is None
+    apart = [seen[0], replace(seen[1], pose=Pose(np.eye(3), np.array([0.0, 6.0, 0.0])) @ seen[1].pose)]
+    assert match_landmarks(of_tracks(apart, (2, 3)), known, [12.0] * 6, CONFIG) is None
+
+
+def test_an_older_landmark_of_the_same_track_is_no_contradiction():
+    """One of a wrong heading is no partner of its older self, and stands where that stood."""
+    rng = np.random.default_rng(3)
+    known = constellation(rng, 6)
+    seen = moved(known[1:5], Pose(np.eye(3), np.array([3.0, 0.0, 0.0])), rng)
+    seen[3] = replace(seen[3], pose=seen[3].pose @ Pose.from_yaw(np.radians(142), np.zeros(3)))
+    assert match_landmarks(seen, known, [8.0] * 6, CONFIG) is None
+    found = match_landmarks([*seen[:3], replace(seen[3], track=5)], known, [8.0] * 6, CONFIG)
+    assert set(found.pairs) == {(102, 2), (103, 3), (104, 4)}
+
+
 # --- the search radius: 1 m and 2% of the distance travelled, at most 12 m
 
 

@@ -45,29 +45,36 @@ def map_moving(
 ) -> MovingMapping:
     """Paths of tracks that were left out and may move, and of those in the map that the motion test doubts.
 
-    Each is fitted twice: then all objects of the drive but itself tell what shapes there are.
+    Each is fitted twice: then all objects of the drive but itself tell what shapes there are. Those in the map come
+    first: one that stands after all tells its shape as what stands does.
     """
     stands = [one for one in standing if one.unfit is None]
     chosen = _to_try(left_out, tracks, stands, config) if config.moving.enabled else []
-    tried = {track.id for track in chosen}
     modes, settings = scene.model.mode_count, config.moving
-    shapes = {one.work.observed.track.id: one.shape for one in stands if one.work.observed.track.id not in tried}
     needed = {one.work.observed.track.id: _in_its_place(one, config) for one in stands}
     otherwise = Needed(settings.min_gain, config.min_mask_iou)
-    first = ShapePrior.of_drive(_known(shapes), modes)
+    of_standing = {one.work.observed.track.id: one.shape for one in stands}
+    shapes: dict[int, ShapeEvidence | None] = dict(of_standing)
+
+    def told_by_others(track: Track) -> ShapePrior:
+        return ShapePrior.of_drive(_known({n: shape for n, shape in shapes.items() if n != track.id}), modes)
 
     def begin(track: Track) -> Begun:
         fit = first_pass(track, scene, occluders)
-        return begin_moving(track, fit.found.state, fit.observed, scene, occluders, settings, first)
+        prior = told_by_others(track)
+        return begin_moving(track, fit.found.state, fit.observed, scene, occluders, settings, prior)
 
     def finish(begun: Begun) -> Estimated:
-        others = {number: shape for number, shape in shapes.items() if number != begun.track.id}
-        prior = ShapePrior.of_drive(_known(others), modes)
-        return finish_moving(begun, scene, occluders, settings, prior, needed.get(begun.track.id, otherwise))
+        enough = needed.get(begun.track.id, otherwise)
+        return finish_moving(begun, scene, occluders, settings, told_by_others(begun.track), enough)
 
     begun = each("paths", begin, chosen, progress)
     shapes |= {one.track.id: one.shape for one in begun}
-    ended = dict(zip([one.track.id for one in begun], each("moving", finish, begun, progress), strict=True))
+    doubted = [one for one in begun if one.track.id in of_standing]
+    told = dict(zip([one.track.id for one in doubted], each("doubted", finish, doubted, progress), strict=True))
+    shapes |= {number: of_standing[number] for number, one in told.items() if one.object is None}
+    others = [one for one in begun if one.track.id not in of_standing]
+    ended = told | dict(zip([one.track.id for one in others], each("moving", finish, others, progress), strict=True))
     objects = tuple(one.object for one in ended.values() if one.object is not None)
     mapped = {thing.id for thing in objects}
     return MovingMapping(objects, tuple(_told(row, ended) for row in left_out if row.track not in mapped))

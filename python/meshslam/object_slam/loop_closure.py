@@ -55,7 +55,8 @@ def match_landmarks(
 
     `radii_m`: how far from its place in the map each known landmark may be observed. Rotations are small and about the
     vertical. One pair gives a translation; another pair agrees if its own translation differs by no more than a small
-    rotation explains at the distance between the two.
+    rotation explains at the distance between the two. A pair of one track, which a tracker took for one object before
+    its place was known, counts twice.
     """
     pairs = _candidates(seen, known, radii_m, config)
     best: list[tuple[int, int]] = []
@@ -71,9 +72,16 @@ def match_landmarks(
     left = [np.linalg.norm(correction.transform(seen[i].pose.translation) - known[a].pose.translation) for i, a in best]
     one_suffices = all(radii_m[a] <= config.single_object_radius_m for _, a in best)
     needed = (1 if one_suffices else config.min_objects) + 2 * _contradictions(seen, known, best, correction, config)
-    if len(best) < needed or max(left) > config.place_sigma_m:
+    if len(best) + _of_one_track(seen, known, best) < needed or max(left) > config.place_sigma_m:
         return None
     return LoopClosure(tuple((seen[i].number, known[a].number) for i, a in best), correction)
+
+
+def _of_one_track(
+    seen: Sequence[PlacedLandmark], known: Sequence[PlacedLandmark], pairs: Sequence[tuple[int, int]]
+) -> int:
+    """How many pairs have one track."""
+    return sum(seen[i].track == known[a].track for i, a in pairs)
 
 
 def _contradictions(
@@ -83,11 +91,22 @@ def _contradictions(
     correction: Pose,
     config: LoopClosureConfig,
 ) -> int:
-    """How many other landmarks in view would overlap older landmarks that they are not paired with."""
+    """How many other landmarks in view would overlap older landmarks of other tracks that they are not paired with.
+
+    One that overlaps an older one of its own track is that object with a wrong heading or size.
+    """
     paired, taken = {i for i, _ in pairs}, {a for _, a in pairs}
-    others = [correction.transform(one.pose.translation) for i, one in enumerate(seen) if i not in paired]
-    free = [other.pose.translation for a, other in enumerate(known) if a not in taken]
-    return sum(any(np.linalg.norm(place - at) < config.min_separation_m for at in free) for place in others)
+    free = [other for a, other in enumerate(known) if a not in taken]
+    return sum(
+        any(
+            other.track != one.track
+            and np.linalg.norm(correction.transform(one.pose.translation) - other.pose.translation)
+            < config.min_separation_m
+            for other in free
+        )
+        for i, one in enumerate(seen)
+        if i not in paired
+    )
 
 
 def _candidates(
