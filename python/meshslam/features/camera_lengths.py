@@ -54,7 +54,7 @@ def correct_lengths(
         stretch = _stretch(frames, first, last, read_image, detections_of_frame, config)
         if stretch is not None:
             found = judge_stretch(stretch, _of_part(frames, first, last, sizes))
-            stretches += [stretch] if found is None or stretch.tells_unit else []
+            stretches += [stretch] if stretch.is_right or stretch.tells_unit else []
             corrections += [found] if found is not None else []
         if progress is not None:
             progress("lengths", last + 1, len(frames.frame_ids))

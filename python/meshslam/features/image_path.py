@@ -19,6 +19,7 @@ from meshslam.geometry import Camera, Floats, Pose, TrackedPoints, hat, log_so3
 _ATTITUDE_RAD = 5e-3  # sigma of each given rotation
 _DIRECTION_RAD = 0.05  # of each given step's direction
 _LENGTH = 0.3  # of the logarithm of each given step's length: it holds the common factor, which no point tells
+_MAX_COST = 0.3  # for each degree of freedom of the points: still scenes leave 0.13 at most, points all wrong leave 1
 _FIXED = 1e12
 _ROUNDS, _ENOUGH = 25, 1e-5
 _DAMPING = (0.0, 1e-4, 1e-2, 1.0)  # of the diagonal
@@ -48,7 +49,7 @@ def image_path(
 ) -> ImagePath | None:
     """The path of cameras (n + 1) by point tracks, whose frames are counted from the first of them.
 
-    None where the points do not hold every step. No given step may be of length 0.
+    None where the points do not hold every step, or do not agree within their noise. No given step may be of length 0.
     """
     terms = [
         (block.first, block.last, TrackedPoints(camera, block.tracks, config.sigma_px, config.kernel))
@@ -62,6 +63,9 @@ def image_path(
         return None
     problem = _Problem(tuple(given), tuple(terms), step_lengths_m(given))
     poses, hessian = problem.solved()
+    freedom = sum(len(track) * (2 * track.shape[1] - 3) for block in blocks for track in block.tracks)
+    if problem.point_cost(poses) > _MAX_COST * freedom:
+        return None
     rows = problem.length_rows(poses)
     covariance = rows @ np.linalg.solve(hessian, rows.T)
     information = np.linalg.inv(0.5 * (covariance + covariance.T)) - np.eye(len(rows)) / _LENGTH**2
@@ -100,8 +104,11 @@ class _Problem:
 
     def cost(self, poses: Sequence[Pose]) -> float:
         """Half the sum of squares."""
-        points = sum(term.cost(poses[first : last + 1]) for first, last, term in self.terms)
-        return points + 0.5 * sum(float(r @ r) for r, _, _ in self._given_rows(poses))
+        return self.point_cost(poses) + 0.5 * sum(float(r @ r) for r, _, _ in self._given_rows(poses))
+
+    def point_cost(self, poses: Sequence[Pose]) -> float:
+        """The points' part of it."""
+        return sum(term.cost(poses[first : last + 1]) for first, last, term in self.terms)
 
     def equations(self, poses: Sequence[Pose]) -> tuple[Floats, Floats]:
         """Normal matrix and gradient over (translation, rotation) of each camera; the first one's place is fixed."""

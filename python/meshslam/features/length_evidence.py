@@ -13,6 +13,7 @@ from meshslam.geometry import Bools, Camera, Floats, Pose
 
 _KERNEL = 3.0  # Geman and McClure's threshold, in sigmas
 _STARTS, _ROUNDS, _ENOUGH = 25, 50, 1e-9
+_MIN_FOR_NOISE = 5  # steps
 _MIN_PAIRS, _MIN_SHARE = 3, 0.3  # of the pairs of frames that the road is compared in
 _PAIRS_ALIKE = 3.0  # pairs that overlap: one of so many counts
 
@@ -72,6 +73,28 @@ def _settled(x: Floats, log_ratios: Floats, information: Floats, sigmas: Floats)
     gap, q = x - log_ratios, (x / sigmas) ** 2
     cost = 0.5 * float(gap @ information @ gap) + 0.5 * float((square * q / (square + q)).sum())
     return cost, x, normal(x)
+
+
+def white_sigma(log_ratios: Floats) -> float:
+    """Sigma of what differs from step to step: by second differences, which no drift and few outliers change."""
+    if len(log_ratios) < _MIN_FOR_NOISE:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(log_ratios, 2)))) / float(np.sqrt(6))
+
+
+def drift(log_ratios: Floats, information: Floats, sigmas: Floats, usable: Bools) -> LogFactor | None:
+    """Change of logarithms (n,) from the first to the last, by a straight line through the usable ones; None for < 3.
+
+    They are known with `information` (n, n) by points, up to a constant, and the given lengths with `sigmas` (n,).
+    """
+    if int(usable.sum()) < 3:
+        return None
+    free = np.linalg.inv(information + np.eye(len(sigmas))) + np.diag(sigmas**2)  # a constant may be anything
+    inverse = np.linalg.inv(free[np.ix_(usable, usable)])
+    line = np.stack([np.ones(len(sigmas)), np.linspace(-0.5, 0.5, len(sigmas))], axis=1)[usable]
+    covariance = np.linalg.inv(line.T @ inverse @ line)
+    found = covariance @ line.T @ inverse @ log_ratios[usable]
+    return LogFactor(float(found[1]), float(np.sqrt(covariance[1, 1])), int(usable.sum()))
 
 
 def wrong_steps(found: Agreement, sigmas: float, least: float) -> Bools:

@@ -10,11 +10,12 @@ import numpy as np
 
 from meshslam.features.image_path import ImagePath, step_lengths_m
 from meshslam.features.length_config import LengthConfig
-from meshslam.features.length_evidence import LogFactor, agreement, wrong_steps
+from meshslam.features.length_evidence import LogFactor, agreement, drift, white_sigma, wrong_steps
 from meshslam.geometry import Bools, Floats, Ints, Pose
 
 _MOST, _SOME = 2 / 3, 1 / 3  # of the given lengths that are right, so that they tell the unit; alone, and with the road
 _ALIKE, _CONTRARY = 2.0, 3.0  # sigmas
+_NOISY = 2.0  # times the sigma of right lengths
 _ODDS = 3.0  # logarithm, by which the cars' sizes must speak for the road's factor
 
 Sizes = Callable[[Sequence[Pose]], LogFactor | None]  # of true over these lengths, by the sizes of cars
@@ -37,10 +38,17 @@ class Stretch:
         return step_lengths_m(self.given)
 
     @cached_property
+    def _own_sigmas(self) -> Floats:
+        """Of the given lengths (n,), if they are right."""
+        return np.asarray(np.hypot(self.config.given_share, self.config.given_sigma_m / self.lengths_m), float)
+
+    @cached_property
+    def _information(self) -> Floats:
+        return self.by_images.information / self.config.point_inflation**2
+
+    @cached_property
     def _agreement(self) -> tuple[Floats, Bools]:
-        own = np.hypot(self.config.given_share, self.config.given_sigma_m / self.lengths_m)
-        information = self.by_images.information / self.config.point_inflation**2
-        found = agreement(self.by_images.log_ratios, information, own)
+        found = agreement(self.by_images.log_ratios, self._information, self._own_sigmas)
         return found.log_ratios, wrong_steps(found, self.config.min_sigmas, self.config.min_share)
 
     @property
@@ -52,6 +60,31 @@ class Stretch:
     def wrong(self) -> Bools:
         """Which given lengths (n,) contradict the others then."""
         return self._agreement[1]
+
+    @cached_property
+    def noise(self) -> float:
+        """Sigma of the given lengths' logarithms from step to step."""
+        return white_sigma(self.by_images.log_ratios)
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether the given lengths are noise throughout, and not right but for a few."""
+        return self.noise > _NOISY * float(np.median(self._own_sigmas))
+
+    @cached_property
+    def drifts(self) -> bool:
+        """Whether the given lengths go wrong little by little, those of `wrong` apart."""
+        sigmas, usable = np.maximum(self._own_sigmas, self.noise), ~self.wrong
+        found = drift(self.by_images.log_ratios, self._information, sigmas, usable)
+        if found is None:
+            return False
+        least = 2 * float(np.log1p(self.config.min_share))
+        return abs(found.value) > max(least, self.config.min_sigmas * found.sigma)
+
+    @property
+    def is_right(self) -> bool:
+        """Whether points contradict none of the given lengths."""
+        return not self.wrong.any() and not self.drifts
 
     @property
     def road_and_given(self) -> LogFactor | None:
@@ -66,7 +99,18 @@ class Stretch:
         """Whether so many of the given lengths are right that they tell the unit of the others."""
         share, road = 1.0 - float(self.wrong.mean()), self.road_and_given
         agrees = road is not None and abs(road.value) <= _ALIKE * road.sigma
-        return share >= _MOST or (share >= _SOME and agrees)
+        return not self.drifts and not self.is_noisy and (share >= _MOST or (share >= _SOME and agrees))
+
+    @property
+    def mean_factor(self) -> LogFactor:
+        """Of true over the images' lengths, by the given way from the first camera to the last: noise hardly matters."""
+        way, by_images = (_way_m(poses) for poses in (self.given, self.by_images.world_from_camera))
+        sigma = self.noise * float(self.lengths_m.mean()) / max(way, 1e-9)
+        return LogFactor(float(np.log(max(way, 1e-9) / max(by_images, 1e-9))), max(sigma, self.config.given_share))
+
+
+def _way_m(poses: Sequence[Pose]) -> float:
+    return float(np.linalg.norm(poses[-1].translation - poses[0].translation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,27 +123,49 @@ class Correction:
 
 
 def judge_stretch(stretch: Stretch, sizes: Sizes) -> Correction | None:
-    """What is wrong with a stretch whose given lengths contradict each other; None if they do not."""
-    if not stretch.wrong.any():
+    """What is wrong with a stretch whose given lengths points contradict; None if they do not.
+
+    Where most are right, the others are corrected. Where all are noisy, their ratios are, and the way of all stays.
+    Where too many are wrong, the road tells the unit, and the sizes of cars must agree.
+    """
+    if stretch.is_right:
         return None
+    count, by_images = len(stretch.wrong), stretch.by_images.log_ratios
     if stretch.tells_unit:
         which = np.flatnonzero(stretch.wrong)
-        said = f"{len(which)} of {len(stretch.wrong)} steps contradict tracked points and the other steps"
+        said = f"{len(which)} of {count} steps contradict tracked points and the other steps"
         return _corrected(stretch, which, stretch.log_ratios, said)
-    where, spread = f"camera path, {_frames(stretch)}", _percent(float(np.ptp(stretch.by_images.log_ratios)))
-    said = f"tracked points contradict the ratios of the step lengths (by {spread})"
-    if stretch.road is None:
-        return Correction(f"{where}: {said}, the road does not tell the right ones: nothing was corrected")
-    factor = stretch.road
-    by_cars = sizes(scaled(stretch.by_images.world_from_camera, factor.value))
-    if by_cars is not None:
-        if abs(by_cars.value) > _CONTRARY * float(np.hypot(by_cars.sigma, factor.sigma)):
-            return Correction(f"{where}: {said}, road and sizes of cars do not agree: nothing was corrected")
-        factor = factor.of(LogFactor(factor.value + by_cars.value, by_cars.sigma, by_cars.count))
-        said += f", the sizes of {by_cars.count} cars agree with the road's texture"
+    said = f"tracked points contradict the ratios of the step lengths (by {_percent(float(np.ptp(by_images)))})"
+    if stretch.is_noisy and not stretch.drifts:
+        factor, how = _of_noisy(stretch.mean_factor, stretch.road)
     else:
-        said += ", the road's texture tells the unit"
-    return _corrected(stretch, np.arange(len(stretch.wrong)), stretch.by_images.log_ratios + factor.value, said)
+        factor, how = _absolute(stretch, sizes)
+    if factor is None:
+        return Correction(f"camera path, {_frames(stretch)}: {said}, {how}: nothing was corrected")
+    return _corrected(stretch, np.arange(count), by_images + factor.value, f"{said}, {how}")
+
+
+def _of_noisy(mean: LogFactor, road: LogFactor | None) -> tuple[LogFactor | None, str]:
+    """The factor by the way of all steps and the road, and how it is told; None where these contradict each other."""
+    if road is None:
+        return mean, "they are noisy, their sum tells the unit"
+    if mean.sigmas_from(road) > _CONTRARY:
+        return None, "they are noisy, and the road's texture contradicts their sum"
+    return mean.of(road), "they are noisy, their sum agrees with the road's texture"
+
+
+def _absolute(stretch: Stretch, sizes: Sizes) -> tuple[LogFactor | None, str]:
+    """True over the images' lengths by road and cars, and how it is told; None if they do not tell it."""
+    road = stretch.road
+    if road is None:
+        return None, "the road does not tell the right ones"
+    cars = sizes(scaled(stretch.by_images.world_from_camera, road.value))
+    if cars is None:
+        return road, "the road's texture tells the unit"
+    if abs(cars.value) > _CONTRARY * float(np.hypot(cars.sigma, road.sigma)):
+        return None, "road and sizes of cars do not agree"
+    found = road.of(LogFactor(road.value + cars.value, cars.sigma, cars.count))
+    return found, f"the sizes of {cars.count} cars agree with the road's texture"
 
 
 def judge_unit(stretches: Sequence[Stretch], given: Sequence[Pose], sizes: Sizes) -> tuple[float, str] | None:
