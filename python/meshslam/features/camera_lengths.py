@@ -88,7 +88,7 @@ def _stretch(
     config: LengthConfig,
 ) -> Stretch | None:
     """Points and road of a part of the path; None where points do not hold it."""
-    given, points = frames.world_from_camera[first : last + 1], PointConfig(corners=config.corners)
+    given, points = frames.world_from_camera[first : last + 1], PointConfig(corners=config.points)
     trackers = [PointTracker(points, row) for row in range(points.rows)]
     seen, blocks = [], {}
     with ThreadPoolExecutor(max_workers=len(trackers)) as pool:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from meshslam.settings import Settings, expert, public
+from meshslam.settings import Settings, expert
 
 
 @dataclass(frozen=True)
 class LengthConfig(Settings):
     """Known step lengths against images, road and cars; lengths in metres."""
 
-    enabled: bool = public(True, doc="correct given step lengths where images, road and cars contradict them")
-    corners: int = expert(400, low=1)  # that are followed
+    enabled: bool = expert(True)  # correct given step lengths where images, road and cars contradict them
+    points: int = expert(400, low=1)  # corners that are followed from a frame on
     steps: int = expert(40, low=3)  # of a stretch of the path that is judged at once
     min_step_m: float = expert(0.05, above=0)  # the path is cut at shorter ones
     given_share: float = expert(0.005, above=0)  # sigma of a given length: this share of it,

@@ -103,7 +103,7 @@ class Stretch:
 
     @property
     def mean_factor(self) -> LogFactor:
-        """Of true over the images' lengths, by the given way from the first camera to the last: noise hardly matters."""
+        """Of true over the images' lengths, by the given way from the first camera to the last: noise is small."""
         way, by_images = (_way_m(poses) for poses in (self.given, self.by_images.world_from_camera))
         sigma = self.noise * float(self.lengths_m.mean()) / max(way, 1e-9)
         return LogFactor(float(np.log(max(way, 1e-9) / max(by_images, 1e-9))), max(sigma, self.config.given_share))
@@ -133,7 +133,7 @@ def judge_stretch(stretch: Stretch, sizes: Sizes) -> Correction | None:
     count, by_images = len(stretch.wrong), stretch.by_images.log_ratios
     if stretch.tells_unit:
         which = np.flatnonzero(stretch.wrong)
-        said = f"{len(which)} of {count} steps contradict tracked points and the other steps"
+        said = f"{len(which)} of {count} steps contradict{'s' if len(which) == 1 else ''} tracked points and the others"
         return _corrected(stretch, which, stretch.log_ratios, said)
     said = f"tracked points contradict the ratios of the step lengths (by {_percent(float(np.ptp(by_images)))})"
     if stretch.is_noisy and not stretch.drifts:
@@ -204,9 +204,8 @@ def _corrected(stretch: Stretch, which: Ints, log_ratios: Floats, said: str) -> 
     lengths = stretch.lengths_m * np.exp(log_ratios)
     moved = steps * (lengths / np.linalg.norm(steps, axis=1))[:, None]
     before, after = float(stretch.lengths_m[which].sum()), float(lengths[which].sum())
-    note = (
-        f"camera path, {_frames(stretch)}: {said}: {len(which)} step lengths corrected, {before:.2f} m to {after:.2f} m"
-    )
+    what = f"{len(which)} step length{'s' if len(which) > 1 else ''} corrected, {before:.2f} m to {after:.2f} m"
+    note = f"camera path, {_frames(stretch)}: {said}: {what}"
     return Correction(note, tuple((stretch.first + which).tolist()), np.round(moved[which], 9))
 
 
