@@ -21,7 +21,7 @@ _DIRECTION_RAD = 0.05  # of each given step's direction
 _LENGTH = 0.3  # of the logarithm of each given step's length: it holds the common factor, which no point tells
 _MAX_COST = 0.45  # for each degree of freedom of the points: 0.38 with their noise, real streets 0.02 to 0.13
 _FIXED = 1e12
-_ROUNDS, _ENOUGH, _LITTLE = 25, 1e-5, 1e-6
+_ROUNDS, _ENOUGH, _LITTLE = 15, 1e-5, 1e-5
 _DAMPING = (0.0, 1e-4, 1e-2, 1.0)  # of the diagonal
 
 
