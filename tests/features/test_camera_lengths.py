@@ -91,6 +91,18 @@ def given_over(true, given):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_half_of_the_steps_right_tell_the_unit_where_the_road_agrees_with_them(seed):
+    rng = np.random.default_rng(seed)
+    true, ratios = drive(np.full(20, 0.8)), np.where(np.arange(20) < 10, 1.2, 1.0)
+    stretch = stretch_of(rng, true, with_ratios(true, ratios))
+    found = judge_stretch(stretch, no_cars)
+    assert found.steps == tuple(range(10))
+    np.testing.assert_allclose(corrected_ratios(stretch, found) * ratios, 1.0, atol=0.02)
+    alone = judge_stretch(stretch_of(rng, true, stretch.given, has_road=False), cars_of(true))
+    assert alone.displacements_m is None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_slow_drift_is_found_though_no_single_step_is_wrong(seed):
     rng = np.random.default_rng(seed)
     true = drive(np.full(24, 0.9))

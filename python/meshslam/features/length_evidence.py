@@ -14,7 +14,7 @@ from meshslam.geometry import Bools, Camera, Floats, Pose
 _KERNEL = 3.0  # Geman and McClure's threshold, in sigmas
 _STARTS, _ROUNDS, _ENOUGH = 25, 50, 1e-9
 _MIN_FOR_NOISE = 5  # steps
-_MIN_PAIRS, _MIN_SHARE = 3, 0.3  # of the pairs of frames that the road is compared in
+_MIN_PAIRS, _MIN_SHARE = 3, 0.5  # of the pairs of frames that the road is compared in
 _PAIRS_ALIKE = 3.0  # pairs that overlap: one of so many counts
 
 
@@ -44,18 +44,32 @@ class Agreement:
     sigmas: Floats  # (n,) of these, with the given lengths' own
 
 
-def agreement(log_ratios: Floats, information: Floats, given_sigmas: Floats) -> Agreement:
+def agreement(
+    log_ratios: Floats, information: Floats, given_sigmas: Floats, unit: LogFactor | None = None
+) -> Agreement:
     """The logarithms (n,) by points of `information` (n, n) and by given lengths, each right or wrong at all.
 
     min over x of (x - l)^T A (x - l) / 2 + sum rho(x_i / sigma_i), rho Geman and McClure's. Points leave x + c free:
-    the search begins with each c that makes one given length right, and the lowest cost is taken.
+    the search begins with each c that makes one given length right, and the lowest cost is taken. There `unit`, what
+    else is known of c, counts as much as one given length.
     """
     order = np.sort(-log_ratios)
     starts = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), _STARTS)).round().astype(int))]
     found = [_settled(log_ratios + c, log_ratios, information, given_sigmas) for c in (0.0, *starts.tolist())]
-    _, x, normal = min(found, key=lambda one: one[0])
+
+    def cost(one: tuple[float, Floats, Floats]) -> float:
+        told = 0.0 if unit is None else (float(np.mean(one[1] - log_ratios)) - unit.value) / unit.sigma
+        return one[0] + float(_rho(np.array(told**2)))
+
+    _, x, normal = min(found, key=cost)
     variance = np.linalg.inv(normal).diagonal()
     return Agreement(x, np.sqrt(variance + given_sigmas**2))
+
+
+def _rho(squares: Floats) -> Floats:
+    """Geman and McClure's cost of squared residuals (...), in sigmas."""
+    found: Floats = 0.5 * _KERNEL**2 * squares / (_KERNEL**2 + squares)
+    return found
 
 
 def _settled(x: Floats, log_ratios: Floats, information: Floats, sigmas: Floats) -> tuple[float, Floats, Floats]:
@@ -70,8 +84,8 @@ def _settled(x: Floats, log_ratios: Floats, information: Floats, sigmas: Floats)
         before, x = x, np.asarray(np.linalg.solve(normal(x), right), float)
         if float(np.abs(x - before).max()) < _ENOUGH:
             break
-    gap, q = x - log_ratios, (x / sigmas) ** 2
-    cost = 0.5 * float(gap @ information @ gap) + 0.5 * float((square * q / (square + q)).sum())
+    gap = x - log_ratios
+    cost = 0.5 * float(gap @ information @ gap) + float(_rho((x / sigmas) ** 2).sum())
     return cost, x, normal(x)
 
 

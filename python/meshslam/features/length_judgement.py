@@ -48,7 +48,7 @@ class Stretch:
 
     @cached_property
     def _agreement(self) -> tuple[Floats, Bools]:
-        found = agreement(self.by_images.log_ratios, self._information, self._own_sigmas)
+        found = agreement(self.by_images.log_ratios, self._information, self._own_sigmas, self.road)
         return found.log_ratios, wrong_steps(found, self.config.min_sigmas, self.config.min_share)
 
     @property
