@@ -13,7 +13,7 @@ from meshslam.geometry import Pose, exp_so3
 from tests.fixtures.walled_road import CAMERA, blocks, drive, lengths_m, with_ratios
 
 CONFIG = LengthConfig()
-ROAD_SIGMA, CAR_SIGMA = 0.025, 0.07
+ROAD_SIGMA, CAR_SIGMA = 0.03, 0.07
 SEEDS = range(5)
 
 

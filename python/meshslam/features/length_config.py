@@ -20,6 +20,6 @@ class LengthConfig(Settings):
     point_inflation: float = expert(1.5, above=0)  # of the points' sigmas: they are tracked in two rows of blocks
     min_sigmas: float = expert(4.0, above=0)  # by which a length must be wrong
     min_share: float = expert(0.03, above=0, below=1)  # of it, too
-    road_share: float = expert(0.025, above=0)  # sigma of the road's answer: the camera's height, the road's slope
+    road_share: float = expert(0.03, above=0)  # sigma of the road's answer: the camera's height, the road's slope
     road_baseline_m: float = expert(2.0, above=0)  # between two cameras that see it
     cars: int = expert(8, low=0)  # whose sizes are asked, where points or road contradict the given lengths

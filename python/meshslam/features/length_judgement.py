@@ -133,7 +133,7 @@ def judge_stretch(stretch: Stretch, sizes: Sizes) -> Correction | None:
     count, by_images = len(stretch.wrong), stretch.by_images.log_ratios
     if stretch.tells_unit:
         which = np.flatnonzero(stretch.wrong)
-        said = f"{len(which)} of {count} steps contradict{'s' if len(which) == 1 else ''} tracked points and the others"
+        said = f"{len(which)} of {count} given step lengths contradict tracked points and the others"
         return _corrected(stretch, which, stretch.log_ratios, said)
     said = f"tracked points contradict the ratios of the step lengths (by {_percent(float(np.ptp(by_images)))})"
     if stretch.is_noisy and not stretch.drifts:
