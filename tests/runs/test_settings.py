@@ -55,6 +55,18 @@ def another(known, config):
 
 
 ADDED = (  # since 0.1
+    "lengths.enabled",
+    "lengths.points",
+    "lengths.steps",
+    "lengths.min_step_m",
+    "lengths.given_share",
+    "lengths.given_sigma_m",
+    "lengths.point_inflation",
+    "lengths.min_sigmas",
+    "lengths.min_share",
+    "lengths.road_share",
+    "lengths.road_baseline_m",
+    "lengths.cars",
     "slam.max_shape_error",
     "mapping.moving.enabled",
     "mapping.moving.doubt_gain",

@@ -52,6 +52,7 @@ SELDOM = {  # read where tiny runs do not come
     **dict.fromkeys(
         (path for path in KNOWN if path.startswith("localization.relocalization.")), "a large map, no start"
     ),
+    "lengths.cars": "points or road contradict the given poses",
     "slam.retry_views": "an object's start failed",
     "slam.road.sigma_share": "the road's texture is clear",
     **{

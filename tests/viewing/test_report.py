@@ -85,6 +85,12 @@ def test_shows_figures_and_what_is_left_out(page):
     assert "moves its views agree with 3.6 m/s" in text
 
 
+def test_shows_what_the_run_told_its_user(context, page):
+    assert "<h2>Notes" not in page
+    told = write_report(replace(context, notes=("3 steps corrected",)))
+    assert re.search(r"<h2>Notes</h2>\s*<ul><li>3 steps corrected</li></ul>", told)
+
+
 def test_the_same_run_gives_the_same_page(context, page):
     assert write_report(replace(context)) == page
 

@@ -5,7 +5,15 @@ import pytest
 
 from meshslam.maps import Map
 from meshslam.viewing.markup import number, script_json, table, text
-from meshslam.viewing.tables import FIGURES, describe, figures_table, left_out_list, objects_table, time_bars
+from meshslam.viewing.tables import (
+    FIGURES,
+    describe,
+    figures_table,
+    left_out_list,
+    notes_list,
+    objects_table,
+    time_bars,
+)
 
 
 def test_every_figure_is_shown_with_its_name(rng):
@@ -29,6 +37,13 @@ def test_doubts_stand_in_words(context, make_car):
     shown = objects_table(context)
     assert shown.count("class=doubt") == 1
     assert "one view shows it" in shown
+
+
+def test_notes_are_listed_as_text(context):
+    assert notes_list(replace(context, notes=("2 steps < 3 m", "another"))) == (
+        "<ul><li>2 steps &lt; 3 m</li><li>another</li></ul>"
+    )
+    assert notes_list(context) == ""
 
 
 def test_what_is_left_out_has_its_reason(context):

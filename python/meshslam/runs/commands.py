@@ -30,7 +30,7 @@ _OBJECTS = ("input.category", "tracking", "objects", "mapping")
 
 USED: dict[str, tuple[str, ...]] = {  # settings, or groups of them
     "detect": (*RECORDING, *_PERCEPTION, "tracking.categories"),
-    "map": (*_SEEN, *_OBJECTS, "rotations"),
+    "map": (*_SEEN, *_OBJECTS, "lengths", "rotations"),
     "localize": (*_SEEN, "input.map", "input.allow_outside", "estimation", "localization"),
     "slam": (*_SEEN, *_OBJECTS, "estimation", "slam", "live"),
     "merge": ("input.allow_outside", "objects", "merging"),

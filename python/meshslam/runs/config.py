@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from meshslam.features import RotationConfig
+from meshslam.features import LengthConfig, RotationConfig
 from meshslam.initialization import EstimationConfig
 from meshslam.live import LiveConfig
 from meshslam.localization import LocalizationConfig
@@ -77,6 +77,7 @@ class Config(Settings):
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     rotations: RotationConfig = field(default_factory=RotationConfig)
+    lengths: LengthConfig = field(default_factory=LengthConfig)
     objects: ObjectConfig = field(default_factory=ObjectConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
     estimation: EstimationConfig = field(default_factory=EstimationConfig)

@@ -71,7 +71,7 @@ def map_recording(
         tracked = follow(recording, seen.detections, settings, outlet, run)
     say(judge_tracks(recording, tracked), outlet)
     with clock.timing("mapping"):
-        frames = stages.camera_path(recording, tracked, settings, outlet)
+        frames = stages.camera_path(recording, tracked, category, settings, outlet)
         logged.placed(tracked, frames.world_from_camera)
         mapping = map_objects(
             frames,

@@ -115,6 +115,7 @@ def _save(
         detections=shown.detections,
         map=shown.scene,
         left_out=tuple(shown.left_out),
+        notes=tuple(outlet.notes),
         metrics=figures,
         other_paths=shown.other_paths | truth.path if shown.placed else {},
         stages=shown.stages,

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from meshslam.categories import Category
 from meshslam.errors import SequenceError
 from meshslam.evaluation import truth_digest
-from meshslam.features import correct_rotations
+from meshslam.features import LogFactor, correct_lengths, correct_rotations
 from meshslam.files import LOCK, locked, remove_leftovers
 from meshslam.geometry import Pose
-from meshslam.mapping import ObjectMapping
+from meshslam.mapping import ObjectMapping, size_of_cars
 from meshslam.maps import INDEX, CameraPath, Map, RunDirectory, Trajectory, TrajectoryEstimate, read_figures, to_glb
 from meshslam.perception import DetectionSet, write_detections
 from meshslam.runs.clock import Clock
@@ -90,8 +91,10 @@ def need_poses(recording: Sequence) -> tuple[Pose, ...]:
     return recording.world_from_camera
 
 
-def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet: Outlet) -> CameraPath:
-    """The camera at each frame; where there are images, with rotations that agree with them."""
+def camera_path(
+    recording: Sequence, found: DetectionSet, category: Category, config: Config, outlet: Outlet
+) -> CameraPath:
+    """The camera at each frame; where there are images, with lengths and rotations that agree with them."""
     frames = CameraPath(
         recording.camera,
         recording.frame_ids,
@@ -99,9 +102,26 @@ def camera_path(recording: Sequence, found: DetectionSet, config: Config, outlet
         need_poses(recording),
         recording.height_above_ground_m,
     )
-    if recording.images is None or not config.rotations.enabled:
+    if recording.images is None:
         return frames
-    return correct_rotations(frames, recording.read_image, found.by_frame(), config.rotations, outlet.progress)
+    read, by_frame = recording.read_image, found.by_frame()
+    if config.lengths.enabled:
+        sizes = partial(_sizes, found=found, category=category, config=config)
+        lengths = correct_lengths(frames, read, by_frame, config.lengths, sizes, outlet.progress)
+        for note in lengths.notes:
+            outlet.note(note)
+        frames = lengths.frames
+    return (
+        correct_rotations(frames, read, by_frame, config.rotations, outlet.progress)
+        if config.rotations.enabled
+        else frames
+    )
+
+
+def _sizes(frames: CameraPath, *, found: DetectionSet, category: Category, config: Config) -> LogFactor | None:
+    """True over given lengths of a path by the sizes of the cars beside it."""
+    told = size_of_cars(frames, found, category, config.objects, config.mapping, most=config.lengths.cars)
+    return None if told is None else LogFactor(*told)
 
 
 def save(recording: Sequence, frames: CameraPath, mapping: ObjectMapping, run: RunDirectory, outlet: Outlet) -> None:

@@ -46,6 +46,7 @@ class ReportContext:
     map: Map
     read_image: ReadImage | None = None  # None: meshes and masks on a drawn ground
     left_out: tuple[tuple[int, str, str], ...] = ()  # track, reason, detail
+    notes: tuple[str, ...] = ()  # what the run told its user
     metrics: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     other_paths: Mapping[str, tuple[Pose, ...]] = field(default_factory=lambda: MappingProxyType({}))  # by name
     stages: Mapping[int, tuple[Pose, Floats]] | None = None  # by object: first pose and the category's mean vertices

@@ -12,7 +12,15 @@ from meshslam.viewing.moving_page import moving_table
 from meshslam.viewing.page_data import page_data
 from meshslam.viewing.page_frames import PageFrame, page_frames, shown_frames
 from meshslam.viewing.path_charts import ITERATION
-from meshslam.viewing.tables import describe, figures_table, iou_bars, left_out_list, objects_table, time_bars
+from meshslam.viewing.tables import (
+    describe,
+    figures_table,
+    iou_bars,
+    left_out_list,
+    notes_list,
+    objects_table,
+    time_bars,
+)
 
 SCRIPTS = (  # of assets/page, in the order of their needs
     "run",
@@ -53,6 +61,7 @@ def write_report(context: ReportContext, last_metrics: Callable[[], Mapping[str,
         ious=_section("mask-iou", "Mask IoU of each object", iou_bars(context)),
         moving=_section("moving", "Objects that drive", moving_table(context)),
         left_out=_section("left-out", "Left out", left_out),
+        notes=_section("notes", "Notes", notes_list(context)),
         times=_section("times", "Time", time_bars(context.metrics)),
         figures=_section("figures", "Figures", _figures(context)),
         images="".join(map(_image, frames)),

@@ -188,6 +188,12 @@ def time_bars(metrics: Mapping[str, float]) -> str:
     return f"<ol class='bars times'>{''.join(rows)}</ol>" if rows else ""
 
 
+def notes_list(context: ReportContext) -> str:
+    """What the run told its user; empty if that is nothing."""
+    rows = "".join(f"<li>{text(note)}</li>" for note in context.notes)
+    return f"<ul>{rows}</ul>" if rows else ""
+
+
 def left_out_list(context: ReportContext) -> str:
     """Tracks that are no objects, with a picture and the reason; empty if there are none."""
     rows = [
