@@ -7,6 +7,18 @@ from meshslam.deferred import deferred
 if TYPE_CHECKING:
     from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
     from meshslam.geometry.assignment import best_pairs
+    from meshslam.geometry.batched_losses import (
+        Cameras,
+        Reals,
+        ViewLosses,
+        batched_keypoint_loss,
+        batched_mask_loss,
+        batched_silhouette_gradients,
+        batched_silhouettes,
+        intrinsics_of,
+        reals,
+        summed_over_views,
+    )
     from meshslam.geometry.block_system import (
         BlockSystem,
         LinearFactor,
@@ -58,6 +70,10 @@ else:
         {
             "arrays": "AnyArray Bools Bytes Floats Ints Singles",
             "assignment": "best_pairs",
+            "batched_losses": (
+                "Cameras Reals ViewLosses batched_keypoint_loss batched_mask_loss batched_silhouette_gradients "
+                "batched_silhouettes intrinsics_of reals summed_over_views"
+            ),
             "block_system": "BlockSystem LinearFactor Solution VariableGroup Variables linear_cost",
             "camera": "Camera",
             "gltf_check": "check_gltf is_gltf",
@@ -87,6 +103,7 @@ __all__ = [
     "Bools",
     "Bytes",
     "Camera",
+    "Cameras",
     "Floats",
     "GroundPlane",
     "Ints",
@@ -104,6 +121,7 @@ __all__ = [
     "PixelDerivatives",
     "Pose",
     "QuaternionOrder",
+    "Reals",
     "Refined",
     "Rendering",
     "RoadTexture",
@@ -114,6 +132,11 @@ __all__ = [
     "VariableGroup",
     "Variables",
     "View",
+    "ViewLosses",
+    "batched_keypoint_loss",
+    "batched_mask_loss",
+    "batched_silhouette_gradients",
+    "batched_silhouettes",
     "best_pairs",
     "camera_points",
     "check_gltf",
@@ -124,6 +147,7 @@ __all__ = [
     "geman_mcclure",
     "geman_mcclure_soft",
     "hat",
+    "intrinsics_of",
     "is_gltf",
     "kabsch",
     "kato_pixel_gradient",
@@ -143,11 +167,13 @@ __all__ = [
     "pixel_derivatives",
     "projection_derivative",
     "quaternions_of_rotations",
+    "reals",
     "render",
     "right_jacobian",
     "right_jacobian_inverse",
     "rotations_of_quaternions",
     "selection",
+    "summed_over_views",
     "triangulate",
     "voxel_iou",
 ]
