@@ -51,14 +51,26 @@ pub enum Method {
 /// Work is parted into so many pieces for each thread, so that none waits long for another; each starts with empty buffers.
 const PIECES_A_THREAD: usize = 4;
 
-/// Evaluate all items on the threads of the pool that this runs in, in order.
-fn for_all<T: Sync, B: Default + Send, R: Send>(items: &[T], one: impl Fn(&mut B, usize, &T) -> R + Sync) -> Vec<R> {
-    let threads = rayon::current_num_threads();
-    if items.len() < 2 || threads < 2 {
+/// Where to compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Threads {
+    /// On the caller's thread alone.
+    Own,
+    /// On those of the pool that this runs in.
+    Pool,
+}
+
+/// Evaluate all items, in order.
+fn for_all<T: Sync, B: Default + Send, R: Send>(
+    threads: Threads,
+    items: &[T],
+    one: impl Fn(&mut B, usize, &T) -> R + Sync,
+) -> Vec<R> {
+    if items.len() < 2 || threads == Threads::Own {
         let mut work = B::default();
         return items.iter().enumerate().map(|(k, item)| one(&mut work, k, item)).collect();
     }
-    let least = items.len().div_ceil(PIECES_A_THREAD * threads);
+    let least = items.len().div_ceil(PIECES_A_THREAD * rayon::current_num_threads());
     let pieces = items.par_iter().enumerate().with_min_len(least);
     pieces.map_init(B::default, |work, (k, item)| one(work, k, item)).collect()
 }
@@ -73,9 +85,10 @@ pub fn mask_iou(
     masks: &[Mask],
     method: Method,
     with_gradient: bool,
+    threads: Threads,
 ) -> Result<Vec<(f64, Option<ViewGradient>)>> {
     crate::error::check_length("masks", masks.len(), views.len())?;
-    let found = for_all(views, |areas: &mut Areas, k, view| match (method, masks[k]) {
+    let found = for_all(threads, views, |areas: &mut Areas, k, view| match (method, masks[k]) {
         (Method::Kato, mask) => kato_iou(view, topology, &mask, with_gradient),
         (Method::Exact, Mask::Bytes(mask)) => area_iou(areas, view, topology, mask, with_gradient),
         (Method::Exact, Mask::Singles(mask)) => area_iou(areas, view, topology, mask, with_gradient),
@@ -210,11 +223,22 @@ fn kato_iou(
 
 /// How much of each pixel a mesh covers in each view: each picture is handed to `write` as runs of pixels that are covered,
 /// and pixels that are covered in part.
-pub fn silhouettes<T: Send>(views: Vec<(Placed, T)>, topology: &Topology, write: impl Fn(&Areas, T) + Sync) {
-    views.into_par_iter().for_each_init(Areas::default, |areas, (view, target)| {
+pub fn silhouettes<T: Send>(
+    views: Vec<(Placed, T)>,
+    topology: &Topology,
+    write: impl Fn(&Areas, T) + Sync,
+    threads: Threads,
+) {
+    let one = |areas: &mut Areas, (view, target): (Placed, T)| {
         areas.draw(&view.camera, &view.camera_from_object, view.vertices, topology);
         write(areas, target);
-    });
+    };
+    if views.len() < 2 || threads == Threads::Own {
+        let mut areas = Areas::default();
+        views.into_iter().for_each(|view| one(&mut areas, view));
+    } else {
+        views.into_par_iter().for_each_init(Areas::default, one);
+    }
 }
 
 /// The gradient of any loss from its slope over each pixel's share, `slope` (view, column, row) of the whole image.
@@ -222,8 +246,9 @@ pub fn silhouette_gradients(
     views: &[Placed],
     topology: &Topology,
     slope: impl Fn(usize, usize, usize) -> f64 + Sync,
+    threads: Threads,
 ) -> Vec<ViewGradient> {
-    for_all(views, |areas: &mut Areas, k, view| {
+    for_all(threads, views, |areas: &mut Areas, k, view| {
         areas.draw(&view.camera, &view.camera_from_object, view.vertices, topology);
         let rect = areas.rect();
         let at = |column, row| slope(k, rect.x0 as usize + column, rect.y0 as usize + row);
@@ -242,8 +267,9 @@ pub fn keypoint_losses(
     views: &[Placed],
     association: &[Association],
     observed: &[Vec<Option<Vector2<f64>>>],
+    threads: Threads,
 ) -> Result<Vec<(f64, ViewGradient)>> {
-    let found = for_all(views, |_: &mut (), k, view| keypoint_loss(view, association, &observed[k]));
+    let found = for_all(threads, views, |_: &mut (), k, view| keypoint_loss(view, association, &observed[k]));
     found.into_iter().collect()
 }
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from meshslam.geometry.assignment import best_pairs
     from meshslam.geometry.batched_losses import (
         Cameras,
+        Intrinsics,
         Reals,
         ViewLosses,
         batched_keypoint_loss,
@@ -71,8 +72,8 @@ else:
             "arrays": "AnyArray Bools Bytes Floats Ints Singles",
             "assignment": "best_pairs",
             "batched_losses": (
-                "Cameras Reals ViewLosses batched_keypoint_loss batched_mask_loss batched_silhouette_gradients "
-                "batched_silhouettes intrinsics_of reals summed_over_views"
+                "Cameras Intrinsics Reals ViewLosses batched_keypoint_loss batched_mask_loss "
+                "batched_silhouette_gradients batched_silhouettes intrinsics_of reals summed_over_views"
             ),
             "block_system": "BlockSystem LinearFactor Solution VariableGroup Variables linear_cost",
             "camera": "Camera",
@@ -106,6 +107,7 @@ __all__ = [
     "Cameras",
     "Floats",
     "GroundPlane",
+    "Intrinsics",
     "Ints",
     "Iteration",
     "LinearFactor",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,19 @@ from meshslam.geometry.camera import Camera
 from meshslam.geometry.native import geometry_errors, ints
 
 Reals = NDArray[np.float64] | NDArray[np.float32]
-Cameras = Camera | Sequence[Camera]
 _Inputs = tuple[Reals, Ints, Reals, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """Cameras of a batch whose images have one size."""
+
+    values: Any  # (..., 5): fx, fy, cx, cy, skew, pixels; an array, or a tensor of a framework
+    width: int
+    height: int
+
+
+Cameras = Camera | Sequence[Camera] | Intrinsics
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +45,19 @@ class ViewLosses:
     camera_from_object: Reals | None  # (..., 4, 4), the last row is 0; likewise
 
 
-def intrinsics_of(camera: Cameras) -> tuple[Floats, tuple[int, int]]:
-    """fx, fy, cx, cy, skew of one camera, (5,), or of many, (n, 5), and the size (width, height) of their images.
+def intrinsics_of(camera: Cameras) -> Intrinsics:
+    """Intrinsics of one camera, (5,), or of many, (n, 5).
 
     GeometryError for no camera, or images of several sizes.
     """
+    if isinstance(camera, Intrinsics):
+        return camera
     cameras = [camera] if isinstance(camera, Camera) else list(camera)
     sizes = {(c.width, c.height) for c in cameras}
     if len(sizes) != 1:
         raise GeometryError(f"the cameras of a batch have images of one size, found {sorted(sizes)}")
     rows = np.array([[c.fx, c.fy, c.cx, c.cy, c.skew] for c in cameras])
-    return rows[0] if isinstance(camera, Camera) else rows, sizes.pop()
+    return Intrinsics(rows[0] if isinstance(camera, Camera) else rows, *sizes.pop())
 
 
 def batched_mask_loss(
@@ -163,8 +176,9 @@ def _inputs(
     corners = np.asarray(faces)
     if corners.dtype.kind not in "iu":
         raise GeometryError(f"faces are indices of vertices, found {corners.dtype}")
-    intrinsics, size = intrinsics_of(camera)
-    return (reals(vertices), ints(corners), reals(camera_from_object), intrinsics), size
+    cameras = intrinsics_of(camera)
+    intrinsics = np.asarray(cameras.values, np.float64)
+    return (reals(vertices), ints(corners), reals(camera_from_object), intrinsics), (cameras.width, cameras.height)
 
 
 def _mask(values: AnyArray) -> AnyArray:

@@ -3,7 +3,7 @@
 mod inputs;
 
 use meshslam_core::areas::{Areas, ViewGradient};
-use meshslam_core::batch::{self, Mask, Method};
+use meshslam_core::batch::{self, Mask, Method, Threads};
 use nalgebra::Vector2;
 use numpy::ndarray::ArrayD;
 use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
@@ -14,9 +14,12 @@ use crate::convert::{Floats2, check_shape, to_python};
 use crate::gradients::pool;
 use inputs::{Broadcast, Inputs, Real, Reals, Scene, broadcast, finite};
 
-/// Run on so many threads (0: all); one thread is the caller's own.
-fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> PyResult<R> {
-    Ok(pool(threads)?.install(work))
+/// Run on so many threads (0: all).
+fn on_threads<R: Send>(threads: usize, work: impl FnOnce(Threads) -> R + Send) -> PyResult<R> {
+    if threads == 1 {
+        return Ok(work(Threads::Own));
+    }
+    Ok(pool(threads)?.install(|| work(Threads::Pool)))
 }
 
 fn array<'py, T: Real>(py: Python<'py>, shape: Vec<usize>, values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
@@ -128,7 +131,9 @@ pub fn mask_iou_losses<'py>(
     let (scene, batch) = Scene::new(&inputs, (*width, *height), before)?;
     let views = scene.views(&batch);
     let found = masks.with(width * height, &batch.indices[3], |masks| {
-        py.detach(|| on_threads(threads, || batch::mask_iou(&views, &scene.topology, &masks, method, with_gradient)))
+        py.detach(|| {
+            on_threads(threads, |on| batch::mask_iou(&views, &scene.topology, &masks, method, with_gradient, on))
+        })
     })?;
     let (losses, found): (Vec<f64>, Vec<Option<ViewGradient>>) = found.map_err(to_python)?.into_iter().unzip();
     let single = inputs.is_single();
@@ -163,8 +168,8 @@ pub fn silhouettes<'py>(py: Python<'py>, inputs: Inputs<'py>, pictures: Pictures
         let views = scene.views(batch);
         let targets = views.into_iter().zip(out.chunks_exact_mut(width * height)).collect();
         py.detach(|| {
-            on_threads(threads, || {
-                batch::silhouettes(targets, &scene.topology, |areas, picture| write(areas, width, picture));
+            on_threads(threads, |on| {
+                batch::silhouettes(targets, &scene.topology, |areas, picture| write(areas, width, picture), on);
             })
         })
     }
@@ -212,7 +217,7 @@ pub fn silhouette_gradients<'py>(
     let (width, area, which) = (*width, width * height, &batch.indices[3]);
     let run = |slope: &(dyn Fn(usize) -> f64 + Sync)| {
         let at = |view: usize, column: usize, row: usize| slope(which[view] * area + row * width + column);
-        py.detach(|| on_threads(threads, || batch::silhouette_gradients(&views, &scene.topology, at)))
+        py.detach(|| on_threads(threads, |on| batch::silhouette_gradients(&views, &scene.topology, at, on)))
     };
     let found = match &slopes {
         Reals::Double(array) => match array.as_slice() {
@@ -278,7 +283,7 @@ pub fn keypoint_losses<'py>(
         each.push(points);
     }
     let views = scene.views(&batch);
-    let found = py.detach(|| on_threads(threads, || batch::keypoint_losses(&views, &association, &each)))?;
+    let found = py.detach(|| on_threads(threads, |on| batch::keypoint_losses(&views, &association, &each, on)))?;
     let (losses, found): (Vec<f64>, Vec<ViewGradient>) = found.map_err(to_python)?.into_iter().unzip();
     let single = inputs.is_single();
     let [of_vertices, of_poses] = gradients(py, single, &batch.shape, scene.vertex_count, &found)?;
