@@ -147,10 +147,11 @@ def _keep_loss(ctx: Any, inputs: tuple[Any, ...], output: Three) -> None:  # noq
 
 
 def _from_loss(ctx: Any, slopes: Tensor | None, *_: Any) -> tuple[Tensor | None, ...]:  # noqa: ANN401
+    rest: list[Tensor | None] = [None] * ctx.others
     if slopes is None:
-        return (None,) * (3 + ctx.others)
+        return None, None, None, *rest
     first, second = _run(loss_backward, slopes, *ctx.saved_tensors)
-    return first, None, second, *[None] * ctx.others
+    return first, None, second, *rest
 
 
 def _keep_inputs(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:  # noqa: ANN401
