@@ -123,6 +123,7 @@ def test_per_view_gradients_are_the_same_bits_in_a_batch_alone_and_on_any_number
             np.testing.assert_array_equal(found, expected[k])
 
 
+@pytest.mark.filterwarnings("ignore:.*torch.*:FutureWarning")  # PyTorch's own
 def test_it_compiles(framework):
     poses, cameras, masks = scene(3)
     a, intrinsics = framework.array, intrinsics_of(cameras)

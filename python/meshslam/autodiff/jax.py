@@ -7,7 +7,7 @@ own error with the core's words when the function runs, a wrong shape a Geometry
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from meshslam.autodiff.batches import NO_SECOND, Method, Part, checked_method, leading_shape
+from meshslam.autodiff.scenes import Mesh, seen_shares, share_iou
 from meshslam.errors import GeometryError, MeshslamError
 from meshslam.geometry import (
     Cameras,
@@ -25,6 +26,7 @@ from meshslam.geometry import (
     batched_silhouette_gradients,
     batched_silhouettes,
     intrinsics_of,
+    occlusion_order,
 )
 
 try:
@@ -94,6 +96,44 @@ def silhouettes(
     cameras = intrinsics_of(camera)
     operands = _operands(vertices, faces, camera_from_object, cameras, [])
     return _silhouettes(_Size(cameras.width, cameras.height, threads), *operands)
+
+
+def scene_silhouettes(meshes: Sequence[Mesh], camera: Cameras, *, threads: int = 0) -> Array:
+    """How much of each pixel shows each of several objects that hide each other, (..., n, h, w).
+
+    Each mesh is (vertices (..., V, 3), faces (F, 3), camera_from_object (..., 4, 4)). Exact, and differentiable, where
+    of two objects one is in front wherever both are drawn: `occlusion_order` decides which; else the nearer one in most
+    pixels counts as in front everywhere.
+    """
+    cameras = intrinsics_of(camera)
+    placed = [(jnp.asarray(v), jnp.asarray(f), jnp.asarray(pose)) for v, f, pose in meshes]
+    arrays = Intrinsics(jnp.asarray(cameras.values), cameras.width, cameras.height)
+
+    def hidden_by(points: Array, faces: Array, counts: tuple[int, ...]) -> Array:
+        batch = np.broadcast_shapes(points.shape[:-2], arrays.values.shape[:-1])
+        shape = jax.ShapeDtypeStruct((*batch, len(counts), len(counts)), bool)
+        values = arrays.values.reshape((1,) * (len(batch) + 1 - arrays.values.ndim) + arrays.values.shape)
+        faces = faces.reshape((1,) * len(batch) + faces.shape)
+
+        def run(points: Array, faces: Array, values: Array) -> Array:
+            return occlusion_order(
+                points, _one("faces", faces), counts, Intrinsics(values, cameras.width, cameras.height)
+            )
+
+        return _call(run, shape, points, faces, values)
+
+    def draw(points: Array, faces: Array, camera: Intrinsics) -> Array:
+        return silhouettes(points, faces, jnp.eye(4, dtype=points.dtype), camera, threads=threads)
+
+    return seen_shares(jnp, draw, hidden_by, jax.lax.stop_gradient, placed, arrays)
+
+
+def scene_mask_iou_loss(meshes: Sequence[Mesh], camera: Cameras, masks: Array, *, threads: int = 0) -> Array:
+    """-IoU of what `scene_silhouettes` shows of each object against its mask (..., n, h, w): (..., n)."""
+    shares, seen = scene_silhouettes(meshes, camera, threads=threads), jnp.asarray(masks)
+    if not jnp.issubdtype(seen.dtype, jnp.floating):
+        seen = seen != 0
+    return share_iou(jnp, shares, seen.astype(shares.dtype))
 
 
 def exp_se3(tangent: Array) -> Array:

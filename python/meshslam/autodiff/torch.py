@@ -7,9 +7,12 @@ names no vertex) is a GeometryError. The operators are registered as `torch.ops.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from meshslam.autodiff.batches import Method, checked_method
+from meshslam.autodiff.scenes import Mesh, seen_shares, share_iou
 from meshslam.errors import GeometryError, MeshslamError
 from meshslam.geometry import Cameras, Intrinsics, intrinsics_of
 
@@ -81,6 +84,37 @@ def silhouettes(
     points, pose = _of_one_type(vertices, camera_from_object)
     _check(points, pose, faces=faces)
     return operators.drawn(points, faces, pose, _tensor(cameras), cameras.width, cameras.height, threads)
+
+
+def scene_silhouettes(meshes: Sequence[Mesh], camera: Cameras, *, threads: int = 0) -> Tensor:
+    """How much of each pixel shows each of several objects that hide each other, (..., n, h, w).
+
+    Each mesh is (vertices (..., V, 3), faces (F, 3), camera_from_object (..., 4, 4)). Exact, and differentiable, where
+    of two objects one is in front wherever both are drawn: `occlusion_order` decides which; else the nearer one in most
+    pixels counts as in front everywhere.
+    """
+    cameras = intrinsics_of(camera)
+    poses = [_of_one_type(vertices, pose) for vertices, _, pose in meshes]
+    placed = [(points, corners, pose) for (points, pose), (_, corners, _) in zip(poses, meshes, strict=True)]
+    for points, corners, pose in placed:
+        _check(points, pose, faces=corners)
+    tensor = Intrinsics(_tensor(cameras), cameras.width, cameras.height)
+
+    def hidden_by(points: Tensor, faces: Tensor, counts: tuple[int, ...]) -> Tensor:
+        size = (cameras.width, cameras.height)
+        return operators.OPERATORS[operators.hidden_by](points, faces, tensor.values, list(counts), *size)
+
+    def draw(points: Tensor, faces: Tensor, camera: Intrinsics) -> Tensor:
+        return silhouettes(points, faces, torch.eye(4, dtype=points.dtype), camera, threads=threads)
+
+    return seen_shares(torch, draw, hidden_by, Tensor.detach, placed, tensor)
+
+
+def scene_mask_iou_loss(meshes: Sequence[Mesh], camera: Cameras, masks: Tensor, *, threads: int = 0) -> Tensor:
+    """-IoU of what `scene_silhouettes` shows of each object against its mask (..., n, h, w): (..., n)."""
+    shares = scene_silhouettes(meshes, camera, threads=threads)
+    seen = masks if masks.is_floating_point() else masks != 0
+    return share_iou(torch, shares, seen.to(shares.dtype))
 
 
 def exp_se3(tangent: Tensor) -> Tensor:

@@ -22,6 +22,7 @@ from meshslam.geometry import (
     batched_mask_loss,
     batched_silhouette_gradients,
     batched_silhouettes,
+    occlusion_order,
     summed_over_views,
 )
 
@@ -71,6 +72,12 @@ def silhouettes(
     return torch.from_numpy(batched_silhouettes(*arrays, threads=threads))
 
 
+def hidden_by(points: Tensor, faces: Tensor, intrinsics: Tensor, counts: list[int], width: int, height: int) -> Tensor:
+    """Which object hides which, (..., n, n)."""
+    camera = Intrinsics(_array(intrinsics), width, height)
+    return torch.from_numpy(occlusion_order(_array(points), _array(faces), tuple(counts), camera))
+
+
 def loss_backward(
     slopes: Tensor, of_vertices: Tensor, of_pose: Tensor, vertices: Tensor, pose: Tensor
 ) -> tuple[Tensor, Tensor]:
@@ -108,7 +115,7 @@ def _sum(gradients: Any, operand: Tensor, weights: Any = None) -> Tensor:  # noq
 
 OPERATORS = {
     function: custom_op(f"meshslam::{function.__name__}", mutates_args=(), device_types="cpu")(function)
-    for function in (mask_iou, keypoints, silhouettes, loss_backward, silhouettes_backward)
+    for function in (mask_iou, keypoints, silhouettes, hidden_by, loss_backward, silhouettes_backward)
 }
 
 
@@ -126,6 +133,13 @@ def _fake_silhouettes(
 ) -> Tensor:
     batch = torch.broadcast_shapes(vertices.shape[:-2], pose.shape[:-2], intrinsics.shape[:-1])
     return vertices.new_empty((*batch, height, width))
+
+
+def _fake_order(
+    points: Tensor, faces: Tensor, intrinsics: Tensor, counts: list[int], width: int, height: int
+) -> Tensor:
+    batch = torch.broadcast_shapes(points.shape[:-2], intrinsics.shape[:-1])
+    return points.new_empty((*batch, len(counts), len(counts)), dtype=torch.bool)
 
 
 def _fake_loss_backward(
@@ -172,6 +186,7 @@ for _function, _fake in (
     (mask_iou, _fake_loss),
     (keypoints, _fake_loss),
     (silhouettes, _fake_silhouettes),
+    (hidden_by, _fake_order),
     (loss_backward, _fake_loss_backward),
     (silhouettes_backward, _fake_silhouettes_backward),
 ):
