@@ -1,7 +1,7 @@
 """The operators of `meshslam.autodiff.torch`, registered as `torch.ops.meshslam`.
 
 Each is an implementation on NumPy's view of the tensors, and two ways to call it: an `autograd.Function`, which eager
-mode takes because it costs less, and a registered operator for `torch.compile`, `torch.export` and `torch.func`.
+mode takes because it costs less, and a registered operator for `torch.compile` and `torch.export`.
 Gradients are computed with the losses and kept; going back multiplies them by the losses' slopes.
 """
 
@@ -233,9 +233,8 @@ FUNCTIONS: dict[Any, Any] = {mask_iou: _MaskIou, keypoints: _Keypoints}
 
 
 def _is_plain(tensor: Tensor) -> bool:
-    """Whether nothing but eager mode asks: no tracer, no subclass, no transform of `torch.func`."""
-    traced = torch.compiler.is_compiling() or torch._C._are_functorch_transforms_active()
-    return not traced and type(tensor) in (Tensor, torch.nn.Parameter)
+    """Whether nothing but eager mode asks: no tracer, no subclass."""
+    return type(tensor) in (Tensor, torch.nn.Parameter) and not torch.compiler.is_compiling()
 
 
 def loss(function: Any, *arguments: Any) -> Tensor:  # noqa: ANN401
