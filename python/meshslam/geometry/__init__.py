@@ -56,7 +56,7 @@ if TYPE_CHECKING:
         projection_derivative,
         selection,
     )
-    from meshslam.geometry.occlusion_order import occlusion_order
+    from meshslam.geometry.occlusion import occlusion_order
     from meshslam.geometry.parked_map import ParkedMap, ParkedRules, parked_rows
     from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
     from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
@@ -86,7 +86,7 @@ else:
                 "PixelDerivatives camera_points keypoint_loss keypoint_loss_gradient keypoint_pixels mask_loss "
                 "mask_loss_gradient mesh_masks pixel_derivatives projection_derivative selection"
             ),
-            "occlusion_order": "occlusion_order",
+            "occlusion": "occlusion_order",
             "parked_map": "ParkedMap ParkedRules parked_rows",
             "pose": "Pose QuaternionOrder nearest_rotation",
             "quaternions": "quaternions_of_rotations rotations_of_quaternions",
