@@ -138,11 +138,17 @@ def scene_mask_iou_loss(meshes: Sequence[Mesh], camera: Cameras, masks: Array, *
 
 def exp_se3(tangent: Array) -> Array:
     """Rigid transforms (..., 4, 4) of tangent vectors (..., 6), (translation, rotation), as `Pose.exp` has them."""
-    x = jnp.asarray(tangent)
+    return _exponential(jnp.asarray(tangent))
+
+
+def _exponential_of(x: Array) -> Array:
     (a, b, c), (p, q, r) = jnp.moveaxis(x[..., :3], -1, 0), jnp.moveaxis(x[..., 3:], -1, 0)
     o = jnp.zeros_like(a)
     rows = [jnp.stack(row, -1) for row in ((o, -r, q, a), (r, o, -p, b), (-q, p, o, c), (o, o, o, o))]
     return jnp.vectorize(expm, signature="(n,n)->(n,n)")(jnp.stack(rows, -2))
+
+
+_exponential = jax.jit(_exponential_of)
 
 
 @dataclass(frozen=True)
