@@ -1,5 +1,8 @@
 """Exact areas and their derivatives, in batches: against supersampling, central differences, and one view at a time."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
@@ -282,3 +285,26 @@ def test_a_visible_key_point_behind_the_camera_is_an_error():
         batched_keypoint_loss(CAR.vertices, association, EYE, CAMERA, pixels * np.nan, [True, True])
     with pytest.raises(GeometryError, match="association has 2 key points"):
         batched_keypoint_loss(CAR.vertices, association, EYE, CAMERA, np.zeros((3, 2)), [True] * 3)
+
+
+def test_masks_are_read_in_place():
+    code = """
+from pathlib import Path
+import numpy as np
+from meshslam.categories import load_category
+from meshslam.geometry import Camera, batched_mask_loss
+
+def most_mb():
+    line = next(x for x in Path("/proc/self/status").read_text().splitlines() if x.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024
+
+car, camera, pose = load_category("car"), Camera(8000, 8000, 300.0, 300.0, 4000.0, 4000.0), np.eye(4)
+pose[2, 3] = 9.0
+masks = np.ones((8000, 8000), np.uint8)  # 61 MB
+batched_mask_loss(car.vertices, car.faces, pose, Camera(9, 9, 9.0, 9.0, 4.0, 4.0), masks[:9, :9])
+before = most_mb()
+batched_mask_loss(car.vertices, car.faces, pose, camera, masks)
+print(most_mb() - before)
+"""
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert float(shown) < 20
