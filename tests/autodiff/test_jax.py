@@ -89,3 +89,23 @@ def test_large_pictures_pass_through():
     total = jax.jit(lambda v: (losses.silhouettes(v, FACES, pose, large) * 2).sum())
     assert float(total(VERTICES)) == pytest.approx(2 * batched_silhouettes(VERTICES, FACES, pose, large).sum())
     assert np.isfinite(jax.jit(jax.grad(total))(VERTICES)).all()
+
+
+def test_the_same_call_is_compiled_once():
+    """Without `jit`, too: what JAX compiles, it keeps, with the arrays that it holds."""
+    (pose,), _, (mask,) = scene(1)
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: compiled.append(name))
+
+    def loss(v):
+        iou = losses.mask_iou_loss(v, FACES, pose, CAMERA, mask)
+        return iou + losses.silhouettes(v, FACES, pose, CAMERA).sum()
+
+    def compilations(vertices):
+        compiled.clear()
+        jax.grad(loss)(vertices)
+        return sum("backend_compile" in name for name in compiled)
+
+    assert compilations(VERTICES * 1.01) > 0
+    assert compilations(VERTICES * 1.02) == 0
+    assert compilations(VERTICES * 1.03) == 0

@@ -115,12 +115,7 @@ def scene_silhouettes(meshes: Sequence[Mesh], camera: Cameras, *, threads: int =
         values = arrays.values.reshape((1,) * (len(batch) + 1 - arrays.values.ndim) + arrays.values.shape)
         faces = faces.reshape((1,) * len(batch) + faces.shape)
 
-        def run(points: Array, faces: Array, values: Array) -> Array:
-            return occlusion_order(
-                points, _one("faces", faces), counts, Intrinsics(values, cameras.width, cameras.height)
-            )
-
-        return _call(run, shape, points, faces, values)
+        return _call(_order, (_Size(cameras.width, cameras.height, threads), counts), shape, points, faces, values)
 
     def draw(points: Array, faces: Array, camera: Intrinsics) -> Array:
         return silhouettes(points, faces, jnp.eye(4, dtype=points.dtype), camera, threads=threads)
@@ -228,13 +223,39 @@ def _one(name: str, array: Array) -> Array:
     return array.reshape(array.shape[-2:])
 
 
-def _call(function: Callable[..., Any], shapes: Any, *operands: Array) -> Any:  # noqa: ANN401 # a tree of shapes
-    """Run on NumPy's arrays when the values are there."""
+@dataclass(frozen=True)
+class _OnArrays:
+    """A function of NumPy's arrays with its settings: JAX keeps what it compiles for each, and equal ones are one."""
 
-    def on_arrays(*given: Array) -> Any:  # noqa: ANN401
-        return function(*(np.asarray(array) for array in given))
+    function: Callable[..., Any]  # of a module, not a closure
+    settings: tuple[Any, ...]
 
-    return jax.pure_callback(on_arrays, shapes, *operands, vmap_method="expand_dims")
+    def __call__(self, *given: Array) -> Any:  # noqa: ANN401 # a tree of arrays
+        return self.function(*self.settings, *(np.asarray(array) for array in given))
+
+
+def _call(function: Callable[..., Any], settings: tuple[Any, ...], shapes: Any, *operands: Array) -> Any:  # noqa: ANN401
+    """Run a function when the values are there."""
+    return jax.pure_callback(_OnArrays(function, settings), shapes, *operands, vmap_method="expand_dims")
+
+
+def _losses(kind: _Masks | _Keypoints, with_gradient: bool, *arrays: Array) -> list[Array]:
+    found = kind(*arrays, with_gradient=with_gradient)
+    return [found.losses, found.vertices, found.camera_from_object][: 3 if with_gradient else 1]
+
+
+def _drawn(size: _Size, points: Array, faces: Array, pose: Array, intrinsics: Array) -> Array:
+    camera = Intrinsics(intrinsics, size.width, size.height)
+    return batched_silhouettes(points, _one("faces", faces), pose, camera, threads=size.threads)
+
+
+def _gradients(size: _Size, slopes: Array, points: Array, faces: Array, pose: Array, intrinsics: Array) -> list[Array]:
+    camera, one = Intrinsics(intrinsics, size.width, size.height), _one("faces", faces)
+    return list(batched_silhouette_gradients(points, one, pose, camera, slopes, threads=size.threads))
+
+
+def _order(size: _Size, counts: tuple[int, ...], points: Array, faces: Array, intrinsics: Array) -> Array:
+    return occlusion_order(points, _one("faces", faces), counts, Intrinsics(intrinsics, size.width, size.height))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0, 1))
@@ -247,11 +268,7 @@ def _evaluated(kind: _Masks | _Keypoints, with_gradient: bool, *operands: Array)
         ends = (vertices.shape[-2:], (4, 4))
         shapes += [jax.ShapeDtypeStruct((*batch, *end), of) for end in ends]
 
-    def run(*arrays: Array) -> Any:  # noqa: ANN401
-        found = kind(*arrays, with_gradient=with_gradient)
-        return [found.losses, found.vertices, found.camera_from_object][: len(shapes)]
-
-    return _call(run, shapes, *operands)
+    return _call(_losses, (kind, with_gradient), shapes, *operands)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -261,12 +278,7 @@ def _pulled_back(size: _Size, slopes: Array, *operands: Array) -> Any:  # noqa: 
     ends = (vertices.shape[-2:], (4, 4))
     shapes = [jax.ShapeDtypeStruct((*slopes.shape[:-2], *end), vertices.dtype) for end in ends]
 
-    def run(slope: Array, points: Array, faces: Array, pose: Array, intrinsics: Array) -> Any:  # noqa: ANN401
-        camera = Intrinsics(intrinsics, size.width, size.height)
-        one = _one("faces", faces)
-        return list(batched_silhouette_gradients(points, one, pose, camera, slope, threads=size.threads))
-
-    return _call(run, shapes, slopes, *operands)
+    return _call(_gradients, (size,), shapes, slopes, *operands)
 
 
 def _refuse(*_: Any) -> Any:  # noqa: ANN401
@@ -307,11 +319,7 @@ def _silhouettes(size: _Size, *operands: Array) -> Array:
     vertices, _, *rest = operands
     shape = jax.ShapeDtypeStruct((*_batch(vertices, *rest), size.height, size.width), vertices.dtype)
 
-    def run(points: Array, faces: Array, pose: Array, intrinsics: Array) -> Array:
-        camera = Intrinsics(intrinsics, size.width, size.height)
-        return batched_silhouettes(points, _one("faces", faces), pose, camera, threads=size.threads)
-
-    return _call(run, shape, *operands)
+    return _call(_drawn, (size,), shape, *operands)
 
 
 def _silhouettes_forward(size: _Size, *operands: Array) -> tuple[Array, Any]:
