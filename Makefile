@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DOCS := .venv-docs
 ROS2 := .venv-ros2
+TORCH := .venv-torch
 NODE := .node
 STAMP := $(VENV)/.setup-done
 RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock rustfmt.toml
@@ -11,7 +12,7 @@ RUST := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.l
 export OMP_NUM_THREADS ?= 2
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 
-.PHONY: help setup demo test wheel try-wheel lint docs format bench bench-render fuzz clean
+.PHONY: help setup demo test test-torch wheel try-wheel lint docs format bench bench-render fuzz clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -45,6 +46,15 @@ $(NODE)/.packages: tests/node/package.json
 
 test: setup $(ROS2)/.packages $(NODE)/.packages ## every test; those of the ROS 2 node in .venv-ros2
 	$(BIN)/python scripts/test.py
+
+$(TORCH)/.packages: requirements-torch.lock $(VENV)/.packages
+	$(PYTHON) -m venv --clear $(TORCH)
+	$(TORCH)/bin/pip install --quiet --disable-pip-version-check --no-deps --requirement requirements-torch.lock
+	$(BIN)/python scripts/join_environments.py $(TORCH)
+	@touch $@
+
+test-torch: setup $(TORCH)/.packages ## the tests that need PyTorch, in .venv-torch (5.3 GB: its wheels hold CUDA)
+	$(TORCH)/bin/python -m pytest tests/autodiff tests/examples/test_autodiff.py
 
 wheel: setup ## a wheel for Python 3.11 and newer, and the source distribution, in dist/
 	$(BIN)/maturin build --release --quiet --out dist
@@ -91,12 +101,13 @@ bench-render: setup $(VENV)/.bench ## the renderer and its gradients side by sid
 
 FUZZ_SECONDS ?= 600
 
-fuzz: setup ## hostile input to the core's entry points (with overflow checks), readers and streams: FUZZ_SECONDS (600); FUZZ_SEED repeats a finding
-	$(BIN)/python scripts/fuzz_readers.py $$(($(FUZZ_SECONDS) / 3)) $(or $(FUZZ_SEED),0)
-	$(BIN)/python scripts/fuzz_streams.py $$(($(FUZZ_SECONDS) / 3)) $(or $(FUZZ_SEED),0)
-	FUZZ_SECONDS=$$(($(FUZZ_SECONDS) / 3)) \
+fuzz: setup ## hostile input to the core's entry points (with overflow checks), readers, streams and losses: FUZZ_SECONDS (600); FUZZ_SEED repeats a finding
+	$(BIN)/python scripts/fuzz_readers.py $$(($(FUZZ_SECONDS) / 4)) $(or $(FUZZ_SEED),0)
+	$(BIN)/python scripts/fuzz_streams.py $$(($(FUZZ_SECONDS) / 4)) $(or $(FUZZ_SEED),0)
+	$(BIN)/python scripts/fuzz_autodiff.py $$(($(FUZZ_SECONDS) / 4)) $(or $(FUZZ_SEED),0)
+	FUZZ_SECONDS=$$(($(FUZZ_SECONDS) / 4)) \
 	CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true \
 	cargo test --release --target-dir target/fuzz --package meshslam-core --test fuzz -- --ignored --nocapture
 
 clean: ## remove what was built
-	rm -rf $(VENV) $(DOCS) $(ROS2) $(NODE) target demo site benchmarks/out
+	rm -rf $(VENV) $(DOCS) $(ROS2) $(TORCH) $(NODE) target demo site benchmarks/out

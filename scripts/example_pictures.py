@@ -2,7 +2,7 @@
 
     .venv/bin/python scripts/example_pictures.py [--only NAME …] [--out docs/assets/examples]
 
-Each picture is a small page of SVG and images, which Chromium (`--chromium`) turns into a JPEG. No recording is needed.
+Most are small pages of SVG and images, which Chromium (`--chromium`) turns into a JPEG. No recording is needed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 import meshslam
-from examples import localize_in_a_map, mesh_from_masks, own_category
+from examples import fit_a_sphere, localize_in_a_map, mesh_from_masks, own_category, pose_from_a_mask
 from meshslam.categories import MeshOptions, category_from_meshes, load_category
 from meshslam.geometry import Camera, MaskLoss, Pose, exp_so3, render, right_jacobian, voxel_iou
 from meshslam.mapping import object_from_masks
@@ -392,13 +392,71 @@ def outlined(camera: Camera, mask, loss: MaskLoss, camera_from_object: Pose, arr
 VIEW_BOX = "235 70 250 160"
 
 
-PICTURES: dict[str, Callable[[Path], str]] = {
+def strip(tiles: list[tuple[np.ndarray, str]], height: int = 300) -> np.ndarray:
+    """Images in a row with words below, without a browser."""
+    out = []
+    for image, words in tiles:
+        scale = height / image.shape[0]
+        shown = cv2.resize(
+            image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+        )
+        below = np.full((44, shown.shape[1], 3), 255, np.uint8)
+        cv2.putText(below, words, (4, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.62, (56, 50, 38), 1, cv2.LINE_AA)
+        out += [np.concatenate([shown, below]), np.full((height + 44, 12, 3), 255, np.uint8)]
+    return cv2.copyMakeBorder(np.concatenate(out[:-1], axis=1), 12, 4, 12, 12, cv2.BORDER_CONSTANT, value=(255,) * 3)
+
+
+def sphere(_: Path) -> np.ndarray:
+    """Masks, the mesh as it becomes the car, and the car (extra `torch`)."""
+    camera, ahead = Camera(128, 128, 220.0, 220.0, 63.5, 63.5), np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    back = [Pose(ahead, np.array([-9.0, 0.0, k % 4 / 2])) for k in range(20)]
+    poses = [Pose.from_yaw(0.314 * k, np.zeros(3)) @ pose for k, pose in enumerate(back)]
+    masks = [render(camera, [(pose.inverse(), CAR.vertices, CAR.faces)]).mask for pose in poses]
+    seen = np.concatenate([np.concatenate([255 - 150 * masks[4 * r + c] for c in (0, 2)], axis=1) for r in (0, 1)])
+    tiles = [(cv2.cvtColor(seen, cv2.COLOR_GRAY2BGR), "4 of 20 masks")]
+    for steps in (1, 50, 150, 300):
+        vertices, faces, overlap = fit_a_sphere.fit(masks, camera, poses, steps=steps)
+        shown = portrait(vertices, faces, colour_of(1), fill=0.8)
+        tiles.append((shown, f"step {steps}: IoU {overlap:.2f}" if steps > 1 else f"the start: IoU {overlap:.2f}"))
+    return strip([*tiles, (portrait(CAR.vertices, CAR.faces, colour_of(0), fill=0.8), "the true mesh")], 200)
+
+
+def one_mask(_: Path) -> np.ndarray:
+    """The mask with three of the starts, and with the pose that is found (extra `jax`)."""
+    camera, ahead = Camera(320, 160, 300.0, 300.0, 159.5, 79.5), pose_from_a_mask.AHEAD
+    truth = Pose(ahead, np.array([0.8, 0.6, 9.0])) @ Pose.from_yaw(0.6, np.zeros(3))
+    mask = render(camera, [(truth, CAR.vertices, CAR.faces)]).mask
+    pose, overlap = pose_from_a_mask.found(mask, camera, CAR)
+    rows, columns = np.nonzero(mask)
+    middle = Pose(ahead, 9.4 * camera.rays(np.array([columns.mean(), rows.mean()])))
+    starts = [middle @ Pose.from_yaw(k * np.pi / 6, np.zeros(3)) for k in range(12)]
+    return strip(
+        [(traced(camera, mask, starts), "twelve starts"), (traced(camera, mask, [pose]), f"found: IoU {overlap:.3f}")]
+    )
+
+
+def traced(camera: Camera, mask, poses: list[Pose]) -> np.ndarray:
+    """A mask with the car's outline at some poses."""
+    scale = 3
+    image = np.where(mask[..., None] > 0, (196, 188, 182), (241, 240, 238)).astype(np.uint8)
+    image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    fine = Camera(960, 480, 900.0, 900.0, 479.5, 239.5)
+    for pose in poses:
+        drawn = render(fine, [(pose, CAR.vertices, CAR.faces)]).mask
+        contours = cv2.findContours(drawn.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+        cv2.drawContours(image, contours, -1, (192, 101, 21), 2, cv2.LINE_AA)
+    return image[:, 160:]
+
+
+PICTURES: dict[str, Callable[[Path], str | np.ndarray]] = {
     "map_a_drive": map_a_drive,
     "live_slam": live_slam,
     "localize_in_a_map": localize,
     "mesh_from_masks": masks_to_mesh,
     "own_category": category,
     "mask_gradient": gradient,
+    "fit_a_sphere": sphere,
+    "pose_from_a_mask": one_mask,
 }
 
 
@@ -424,7 +482,8 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     for name in given.only:
         with tempfile.TemporaryDirectory() as folder:
-            picture = photographed(PICTURES[name](Path(folder)), given.chromium, Path(folder))
+            made = PICTURES[name](Path(folder))
+            picture = photographed(made, given.chromium, Path(folder)) if isinstance(made, str) else made
         file = given.out / f"{name}.jpg"
         cv2.imwrite(str(file), picture, [cv2.IMWRITE_JPEG_QUALITY, 88])
         print(f"{file}: {picture.shape[1]} x {picture.shape[0]} px, {file.stat().st_size / 1e3:.0f} kB", flush=True)

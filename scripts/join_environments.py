@@ -1,7 +1,7 @@
 """Let another virtual environment find this one's packages, and the package under python/: join_environments.py OTHER.
 
 The wheels of ROS 2 start every interpreter of their environment twice and change what it loads, so that they have an
-environment of their own. All else that the node and its tests need is here already.
+environment of their own; those of PyTorch are gigabytes. All else that their tests need is here already.
 """
 
 from __future__ import annotations

@@ -19,19 +19,25 @@ __all__ = [
     "TrackedPoints",
     "Variables",
     "View",
+    "broadcast_shape",
     "cotangent_weights",
     "coverage",
     "exp_so3",
     "kato_pixel_gradient",
+    "keypoint_losses",
     "linear_cost",
     "log_so3",
     "mask_gradients",
+    "mask_iou_losses",
     "outline",
     "rasterize",
     "right_jacobian",
     "right_jacobian_inverse",
+    "silhouette_gradients",
+    "silhouettes",
     "triangulate",
     "voxel_iou",
+    "weighted_sums",
 ]
 
 _Floats = NDArray[np.float64]
@@ -114,6 +120,37 @@ def kato_pixel_gradient(
 def mask_gradients(
     losses: Sequence[MaskLoss], camera_from_object: _Floats, vertices: _Floats, threads: int
 ) -> list[_Gradient]: ...
+
+_Reals = NDArray[np.float64] | NDArray[np.float32]
+_Inputs = tuple[_Reals, _Ints, _Reals, _Floats]  # vertices, faces, camera_from_object, intrinsics
+_Losses = tuple[_Reals, _Reals | None, _Reals | None]
+
+def mask_iou_losses(
+    inputs: _Inputs,
+    masks: _Reals | NDArray[np.uint8],
+    method: str,
+    with_gradient: bool,
+    threads: int,
+) -> _Losses: ...
+def broadcast_shape(shapes: Sequence[Sequence[int]]) -> list[int]: ...
+def silhouettes(
+    inputs: _Inputs,
+    pictures: _Reals,
+    threads: int,
+) -> None: ...
+def silhouette_gradients(
+    inputs: _Inputs,
+    slopes: _Reals,
+    threads: int,
+) -> list[_Reals]: ...
+def keypoint_losses(
+    inputs: _Inputs,
+    association: _Floats,
+    observed: _Reals,
+    visible: _Bools,
+    threads: int,
+) -> _Losses: ...
+def weighted_sums(values: _Reals, weights: _Reals | None, leading: Sequence[int]) -> _Reals: ...
 
 @final
 class MaskLoss:

@@ -21,7 +21,7 @@ from meshslam.simulation import StreetConfig, driven_again, make_street, write_r
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
     ROOT / "README.md",
-    *(ROOT / "docs" / name for name in ("live.md", "covariances.md")),
+    *(ROOT / "docs" / name for name in ("live.md", "covariances.md", "autodiff.md")),
     *sorted((ROOT / "docs" / "python").glob("*.md")),
 ]
 TEXTS = [ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASES.md", "STYLE.md")]

@@ -54,9 +54,21 @@ def test_the_source_distribution_has_all_that_the_build_needs(tmp_path):
 def test_every_extra_is_described_and_names_packages_with_lower_bounds():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    assert {"train", "ros2", "rerun", "plots", "bags", "video", "foxglove", "usd", "parquet", "geo", "ray"} <= set(
-        extras
-    )
+    assert {
+        "train",
+        "ros2",
+        "rerun",
+        "plots",
+        "bags",
+        "video",
+        "foxglove",
+        "usd",
+        "parquet",
+        "geo",
+        "ray",
+        "torch",
+        "jax",
+    } <= set(extras)
     for name in [*project["dependencies"], *(name for found in extras.values() for name in found)]:
         assert re.search(r"[>=]=\d", name), name
 

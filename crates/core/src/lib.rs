@@ -3,6 +3,8 @@
 //! Metres, radians, pixels. A transform is named `a_from_b`; SE(3) tangent vectors are (translation, rotation) and
 //! perturb on the right.
 
+pub mod areas;
+pub mod batch;
 pub mod camera;
 pub mod constellations;
 pub mod error;

@@ -127,7 +127,7 @@ impl MaskLoss {
 const PIECES_A_THREAD: usize = 4;
 
 /// A pool of so many threads (0: all), started once.
-fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
+pub fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
     static POOLS: Mutex<BTreeMap<usize, Arc<ThreadPool>>> = Mutex::new(BTreeMap::new());
     let failed = |e: String| PyValueError::new_err(format!("no pool of {threads} threads: {e}"));
     let mut pools = POOLS.lock().map_err(|e| failed(e.to_string()))?;

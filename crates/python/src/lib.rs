@@ -1,5 +1,6 @@
 //! The Python binding: shapes and indices are checked here, the GIL is released, errors are mapped; no logic.
 
+mod autodiff;
 mod constellations;
 mod convert;
 mod geometry;
@@ -17,6 +18,10 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::autodiff::{
+        broadcast_shape, keypoint_losses, mask_iou_losses, silhouette_gradients, silhouettes, weighted_sums,
+    };
     #[pymodule_export]
     use super::constellations::ParkedMap;
     #[pymodule_export]

@@ -7,6 +7,19 @@ from meshslam.deferred import deferred
 if TYPE_CHECKING:
     from meshslam.geometry.arrays import AnyArray, Bools, Bytes, Floats, Ints, Singles
     from meshslam.geometry.assignment import best_pairs
+    from meshslam.geometry.batched_losses import (
+        Cameras,
+        Intrinsics,
+        Reals,
+        ViewLosses,
+        batched_keypoint_loss,
+        batched_mask_loss,
+        batched_silhouette_gradients,
+        batched_silhouettes,
+        intrinsics_of,
+        reals,
+        summed_over_views,
+    )
     from meshslam.geometry.block_system import (
         BlockSystem,
         LinearFactor,
@@ -43,6 +56,7 @@ if TYPE_CHECKING:
         projection_derivative,
         selection,
     )
+    from meshslam.geometry.occlusion import occlusion_order
     from meshslam.geometry.parked_map import ParkedMap, ParkedRules, parked_rows
     from meshslam.geometry.pose import Pose, QuaternionOrder, nearest_rotation
     from meshslam.geometry.quaternions import quaternions_of_rotations, rotations_of_quaternions
@@ -58,6 +72,10 @@ else:
         {
             "arrays": "AnyArray Bools Bytes Floats Ints Singles",
             "assignment": "best_pairs",
+            "batched_losses": (
+                "Cameras Intrinsics Reals ViewLosses batched_keypoint_loss batched_mask_loss "
+                "batched_silhouette_gradients batched_silhouettes intrinsics_of reals summed_over_views"
+            ),
             "block_system": "BlockSystem LinearFactor Solution VariableGroup Variables linear_cost",
             "camera": "Camera",
             "gltf_check": "check_gltf is_gltf",
@@ -68,6 +86,7 @@ else:
                 "PixelDerivatives camera_points keypoint_loss keypoint_loss_gradient keypoint_pixels mask_loss "
                 "mask_loss_gradient mesh_masks pixel_derivatives projection_derivative selection"
             ),
+            "occlusion": "occlusion_order",
             "parked_map": "ParkedMap ParkedRules parked_rows",
             "pose": "Pose QuaternionOrder nearest_rotation",
             "quaternions": "quaternions_of_rotations rotations_of_quaternions",
@@ -87,8 +106,10 @@ __all__ = [
     "Bools",
     "Bytes",
     "Camera",
+    "Cameras",
     "Floats",
     "GroundPlane",
+    "Intrinsics",
     "Ints",
     "Iteration",
     "LinearFactor",
@@ -104,6 +125,7 @@ __all__ = [
     "PixelDerivatives",
     "Pose",
     "QuaternionOrder",
+    "Reals",
     "Refined",
     "Rendering",
     "RoadTexture",
@@ -114,6 +136,11 @@ __all__ = [
     "VariableGroup",
     "Variables",
     "View",
+    "ViewLosses",
+    "batched_keypoint_loss",
+    "batched_mask_loss",
+    "batched_silhouette_gradients",
+    "batched_silhouettes",
     "best_pairs",
     "camera_points",
     "check_gltf",
@@ -124,6 +151,7 @@ __all__ = [
     "geman_mcclure",
     "geman_mcclure_soft",
     "hat",
+    "intrinsics_of",
     "is_gltf",
     "kabsch",
     "kato_pixel_gradient",
@@ -138,16 +166,19 @@ __all__ = [
     "mask_loss_gradient",
     "mesh_masks",
     "nearest_rotation",
+    "occlusion_order",
     "outline",
     "parked_rows",
     "pixel_derivatives",
     "projection_derivative",
     "quaternions_of_rotations",
+    "reals",
     "render",
     "right_jacobian",
     "right_jacobian_inverse",
     "rotations_of_quaternions",
     "selection",
+    "summed_over_views",
     "triangulate",
     "voxel_iou",
 ]

@@ -4,6 +4,7 @@
 
 use std::time::{Duration, Instant};
 
+use meshslam_core::areas::Areas;
 use meshslam_core::camera::Camera;
 use meshslam_core::constellations::{Parked, ParkedMap, Rules};
 use meshslam_core::error::check_finite;
@@ -166,6 +167,23 @@ fn masks(s: &mut Source) {
     }
 }
 
+/// Exact areas: shares are shares, and tame meshes have gradients that are numbers.
+fn areas(s: &mut Source) {
+    let count = s.below(12);
+    let (vertices, pose) = (s.vectors(count, 3.0), s.pose());
+    let Ok(camera) = s.camera().checked() else { return };
+    let Ok(topology) = Topology::new(count, &s.faces(count)) else { return };
+    let mut areas = Areas::default();
+    areas.draw(&camera, &pose, &vertices, &topology);
+    let rect = areas.rect();
+    assert!(rect.x0 >= 0 && rect.y0 >= 0 || rect.area() == 0);
+    assert!(areas.touched().iter().all(|cell| (0.0..=1.0).contains(&cell.share)));
+    let found = areas.gradient(&camera, &pose, &vertices, |column, row| (column as f64 - row as f64).cos());
+    let tame =
+        vertices.iter().all(|v| v.norm() < 1e6) && pose.translation.norm() < 1e6 && camera.fx.max(camera.fy) < 1e6;
+    assert!(!tame || finite(&found.vertices), "{found:?}");
+}
+
 fn view(s: &mut Source, keypoints: usize) -> View {
     let crop =
         Rect { x0: s.below(30) as i64 - 10, y0: s.below(30) as i64 - 10, width: s.below(20), height: s.below(20) };
@@ -310,8 +328,8 @@ fn places(s: &mut Source) {
 #[ignore = "runs for as long as FUZZ_SECONDS says: make fuzz"]
 fn entry_points() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
-    let targets = [masks, solver, points, places];
-    let run = |seed: u64| targets[(seed % 4) as usize](&mut Source(seed));
+    let targets = [masks, solver, points, places, areas];
+    let run = |seed: u64| targets[(seed % 5) as usize](&mut Source(seed));
     if let Some(seed) = number("FUZZ_SEED") {
         return run(seed);
     }

@@ -1,6 +1,7 @@
 //! Laws of the core, over random and degenerate samples; slow, literal references stand beside them.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test fails by panicking
 
+mod areas;
 mod camera;
 mod common;
 mod envelope;
