@@ -1,6 +1,7 @@
 //! Mesh topology, cotangent Laplacian, mirror symmetry.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
@@ -19,7 +20,30 @@ pub struct Edge {
     pub directions: [i8; 2],
 }
 
-/// Faces with their edges.
+/// Tells topologies apart without a look at their faces: copies of one are the same, others are not.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Identity(Arc<()>);
+
+impl Identity {
+    /// Whether both are copies of one.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl PartialEq for Identity {
+    /// What is compared is what topologies say, not where it came from.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Eq for Identity {}
+
+/// No edge: the side of a face that names a vertex twice.
+pub(crate) const NO_EDGE: u32 = u32::MAX;
+
+/// Faces with their edges, as [`Topology::new`] puts them together; to be read, not changed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topology {
     /// How many vertices the faces may name.
@@ -30,6 +54,9 @@ pub struct Topology {
     pub edges: Vec<Edge>,
     /// Whether every edge is held by two faces that run along it in opposite directions.
     pub closed: bool,
+    /// Edges of each face, from its first vertex to its second and so on.
+    pub(crate) sides: Vec<[u32; 3]>,
+    pub(crate) identity: Identity,
 }
 
 impl Topology {
@@ -47,10 +74,10 @@ impl Topology {
             }
             checked.push(corners.map(|i| i as u32));
         }
-        let edges = collect_edges(&checked);
+        let (edges, sides) = collect_edges(&checked);
         let proper = checked.iter().all(|[a, b, c]| a != b && b != c && c != a);
         let closed = proper && edges.iter().all(|e| e.count == 2 && e.directions[0] == -e.directions[1]);
-        Ok(Self { vertex_count, faces: checked, edges, closed })
+        Ok(Self { vertex_count, faces: checked, edges, closed, sides, identity: Identity::default() })
     }
 
     /// Neighbours of each vertex along edges, sorted.
@@ -67,9 +94,10 @@ impl Topology {
     }
 }
 
-fn collect_edges(faces: &[[u32; 3]]) -> Vec<Edge> {
+fn collect_edges(faces: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     let mut index_of: HashMap<[u32; 2], usize> = HashMap::new();
     let mut edges: Vec<Edge> = Vec::new();
+    let mut sides = vec![[NO_EDGE; 3]; faces.len()];
     for (face, corners) in faces.iter().enumerate() {
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -81,6 +109,7 @@ fn collect_edges(faces: &[[u32; 3]]) -> Vec<Edge> {
                 edges.push(Edge { vertices, faces: [face as u32; 2], count: 0, directions: [direction; 2] });
                 edges.len() - 1
             });
+            sides[face][k] = at as u32;
             edges[at].count += 1;
             if edges[at].count == 2 {
                 edges[at].faces[1] = face as u32;
@@ -88,7 +117,7 @@ fn collect_edges(faces: &[[u32; 3]]) -> Vec<Edge> {
             }
         }
     }
-    edges
+    (edges, sides)
 }
 
 /// Cotangent weight of each edge of `topology` (Pinkall and Polthier 1993): ½ Σ cot of the angles opposite to it.

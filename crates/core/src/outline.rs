@@ -103,7 +103,7 @@ pub fn outline(
 
 /// The same samples of a mesh that was drawn by its contour: the edges are known, and runs of pixels stand for the mask.
 pub fn contour_samples(drawn: &Silhouette, step_px: f64, out: &mut Vec<OutlineSample>) {
-    for &[a, b] in &drawn.contour {
+    for &[a, b] in &drawn.contour.edges {
         let vertices = [a.min(b), a.max(b)];
         let [from, to] = vertices.map(|v| drawn.pixels[v as usize]);
         let length = (to - from).norm();

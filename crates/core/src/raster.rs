@@ -7,6 +7,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::camera::Camera;
+use crate::rounding::{ceil, floor};
 
 /// Faces are cut at this depth: what is nearer is not drawn.
 pub const NEAR_M: f64 = 0.1;
@@ -84,6 +85,16 @@ impl Rect {
             return image;
         }
         Self::around(points_in_camera.iter().map(|p| camera.project(p))).intersection(&image)
+    }
+
+    /// The smallest rectangle around all pixel centres from left to right and from top to bottom.
+    #[must_use]
+    pub(crate) fn spanned(&[left, right, top, bottom]: &[f64; 4]) -> Self {
+        if !(left <= right && top <= bottom) {
+            return Self::default();
+        }
+        let (x0, y0) = (floor(left), floor(top));
+        Self { x0, y0, width: (ceil(right) - x0 + 1) as usize, height: (ceil(bottom) - y0 + 1) as usize }
     }
 
     /// The smallest rectangle around all pixel centres that the points span.

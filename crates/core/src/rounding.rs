@@ -24,6 +24,13 @@ pub(crate) fn nearest(x: f64) -> i64 {
     whole.wrapping_add(i64::from(x - near >= 0.5))
 }
 
+/// The same of what is known to lie near the image.
+#[inline(always)]
+pub(crate) fn near(x: f64) -> i64 {
+    let (near, whole) = round(x);
+    whole.wrapping_add(i64::from(x - near >= 0.5))
+}
+
 /// The greatest whole number not above.
 #[inline(always)]
 pub(crate) fn floor(x: f64) -> i64 {
@@ -40,9 +47,16 @@ pub(crate) fn ceil(x: f64) -> i64 {
     whole.wrapping_add(i64::from(near < x))
 }
 
+/// The same of what is known to lie near the image.
+#[inline(always)]
+pub(crate) fn ceil_near(x: f64) -> i64 {
+    let (near, whole) = round(x);
+    whole.wrapping_add(i64::from(near < x))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{ceil, floor, nearest};
+    use super::{ceil, ceil_near, floor, near, nearest};
 
     #[test]
     fn whole_numbers_are_those_of_the_mathematics_library() {
@@ -53,6 +67,7 @@ mod tests {
             assert_eq!(nearest(x), x.floor() as i64 + i64::from(up), "{x}");
             assert_eq!(floor(x), x.floor() as i64, "{x}");
             assert_eq!(ceil(x), x.ceil() as i64, "{x}");
+            assert_eq!((near(x), ceil_near(x)), (nearest(x), ceil(x)), "{x}");
         }
     }
 

@@ -31,8 +31,11 @@ pub fn check_shape(what: &str, found: &[usize], expected: &[Option<usize>]) -> P
 /// Rows (n, 3), finite.
 pub fn points(what: &'static str, array: &Floats2) -> PyResult<Vec<Vector3<f64>>> {
     check_shape(what, array.shape(), &[None, Some(3)])?;
-    let out: Vec<Vector3<f64>> = array.as_array().rows().into_iter().map(|r| Vector3::new(r[0], r[1], r[2])).collect();
-    check_finite(what, out.iter().flat_map(|p| p.iter().copied()).collect::<Vec<_>>().as_slice()).map_err(to_python)?;
+    let out = match array.as_slice() {
+        Ok(flat) => bytemuck::cast_slice(flat).to_vec(),
+        Err(_) => array.as_array().rows().into_iter().map(|r| Vector3::new(r[0], r[1], r[2])).collect(),
+    };
+    check_finite(what, bytemuck::cast_slice(&out)).map_err(to_python)?;
     Ok(out)
 }
 
@@ -64,6 +67,18 @@ pub fn pose(what: &'static str, array: &Floats2) -> PyResult<Pose> {
     let translation = Vector3::from_fn(|i, _| a[[i, 3]]);
     check_finite(what, rotation.as_slice()).map_err(to_python)?;
     check_finite(what, translation.as_slice()).map_err(to_python)?;
+    Ok(Pose { rotation, translation })
+}
+
+/// A pose from its rotation (3, 3) and translation (3,).
+pub fn pose_of(rotation: &Floats2, translation: &Floats1) -> PyResult<Pose> {
+    check_shape("rotation", rotation.shape(), &[Some(3), Some(3)])?;
+    check_shape("translation", translation.shape(), &[Some(3)])?;
+    let (r, t) = (rotation.as_array(), translation.as_array());
+    let rotation = Matrix3::from_fn(|i, j| r[[i, j]]);
+    let translation = Vector3::from_fn(|i, _| t[i]);
+    check_finite("rotation", rotation.as_slice()).map_err(to_python)?;
+    check_finite("translation", translation.as_slice()).map_err(to_python)?;
     Ok(Pose { rotation, translation })
 }
 

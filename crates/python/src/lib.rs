@@ -10,6 +10,7 @@ mod object;
 mod problem;
 mod raster;
 mod road;
+mod shared;
 mod tracks;
 mod view;
 mod window;

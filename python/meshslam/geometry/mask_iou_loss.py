@@ -11,7 +11,7 @@ import numpy as np
 from meshslam import _core
 from meshslam.geometry.arrays import Bytes, Floats, Ints
 from meshslam.geometry.camera import Camera
-from meshslam.geometry.native import floats, geometry_errors, ints
+from meshslam.geometry.native import floats, geometry_errors, ints, raise_as_geometry_error
 from meshslam.geometry.pose import Pose
 
 
@@ -50,10 +50,14 @@ class MaskLoss:
         `exact` integrates over the mask's outline; `kato` is the paper's approximation (Kato, Ushiku and Harada 2018).
         GeometryError for a wrong shape, or a value that is not finite.
         """
-        with geometry_errors():
-            return MaskGradient(
-                *self._native.gradient(floats(camera_from_object.matrix), floats(vertices), method == "kato")
+        pose = camera_from_object
+        try:
+            found = self._native.gradient(
+                floats(pose.rotation), floats(pose.translation), floats(vertices), method == "kato"
             )
+        except (ValueError, IndexError, TypeError, OverflowError) as error:  # a context manager costs a tenth of a call
+            raise_as_geometry_error(error)
+        return MaskGradient(*found)
 
     def draw(self, camera_from_object: Pose, vertices: Floats) -> Bytes:
         """R_mask: the mask (h, w) of vertices (V, 3), metres, on the whole image, 0 or 1 (paper, Eq. 9).
@@ -61,12 +65,14 @@ class MaskLoss:
         GeometryError for a wrong shape, or a value that is not finite.
         """
         with geometry_errors():
-            return self._native.draw(floats(camera_from_object.matrix), floats(vertices))
+            pose = camera_from_object
+            return self._native.draw(floats(pose.rotation), floats(pose.translation), floats(vertices))
 
     def seconds(self, camera_from_object: Pose, vertices: Floats, runs: int) -> list[float]:
         """Seconds of each of `runs` exact evaluations: drawing, loss, chain rule; not what crosses over."""
         with geometry_errors():
-            return self._native.time(floats(camera_from_object.matrix), floats(vertices), runs)
+            pose = camera_from_object
+            return self._native.time(floats(pose.rotation), floats(pose.translation), floats(vertices), runs)
 
 
 def mask_gradients(
@@ -76,10 +82,8 @@ def mask_gradients(
 
     One loss and one pose a view. GeometryError for a wrong shape, or a value that is not finite.
     """
-    poses = np.zeros((len(camera_from_object), 4, 4))
-    for matrix, pose in zip(poses, camera_from_object, strict=True):
-        matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.translation
     with geometry_errors():
+        poses = [(floats(pose.rotation), floats(pose.translation)) for pose in camera_from_object]
         found = _core.mask_gradients([loss._native for loss in losses], poses, floats(vertices), threads)
     return [MaskGradient(*row) for row in found]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
 import numpy as np
 
@@ -27,6 +28,11 @@ def geometry_errors() -> Iterator[None]:
     try:
         yield
     except (ValueError, IndexError, TypeError, OverflowError) as error:
-        if isinstance(error, GeometryError):
-            raise
-        raise GeometryError(str(error)) from error
+        raise_as_geometry_error(error)
+
+
+def raise_as_geometry_error(error: Exception) -> NoReturn:
+    """Raise what the native module raised as GeometryError with the same words."""
+    if isinstance(error, GeometryError):
+        raise error
+    raise GeometryError(str(error)) from error

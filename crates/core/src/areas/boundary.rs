@@ -52,7 +52,7 @@ impl Boundary {
         self.visible.find(drawn);
         self.segments.clear();
         self.segments.extend(self.visible.pieces.iter().map(|piece| Segment {
-            ends: drawn.contour[piece.edge as usize],
+            ends: drawn.contour.edges[piece.edge as usize],
             from: piece.from,
             to: piece.to,
         }));

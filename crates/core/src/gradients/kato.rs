@@ -202,7 +202,6 @@ pub fn kato_gradient(
     let rotation = &camera_from_object.rotation;
     let chain = Chain { camera, rotation, points_in_camera: &points, points_in_object: vertices };
     let lift = |v: usize| placed[v].map_or_else(Vector3::zeros, |_| chain.lift(&points[v], &on_image[v]));
-    let in_camera: Vec<Vector3<f64>> = (0..points.len()).map(lift).collect();
     let loss = if union > 0.0 { -intersection / union } else { -1.0 };
-    chain.gather(loss, intersection, union, &in_camera)
+    chain.gather(loss, intersection, union, (0..points.len()).map(|v| (v, lift(v))))
 }

@@ -5,6 +5,7 @@
 
 pub mod exact;
 pub mod kato;
+mod walk;
 
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 
@@ -123,13 +124,19 @@ impl Chain<'_> {
         self.camera.projection_jacobian(point_in_camera).transpose() * on_image
     }
 
-    /// Gather everything from gradients over the vertices in the camera's frame.
-    pub fn gather(&self, loss: f64, intersection: f64, union: f64, in_camera: &[Vector3<f64>]) -> MaskGradient {
+    /// Gather everything from gradients over vertices in the camera's frame, each vertex at most once.
+    pub fn gather(
+        &self,
+        loss: f64,
+        intersection: f64,
+        union: f64,
+        in_camera: impl Iterator<Item = (usize, Vector3<f64>)>,
+    ) -> MaskGradient {
         let back = self.rotation.transpose();
-        let mut vertices = vec![Vector3::zeros(); in_camera.len()];
+        let mut vertices: Vec<Vector3<f64>> = bytemuck::zeroed_vec(self.points_in_object.len());
         let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
         let (mut push, mut twist) = (Vector3::zeros(), Vector3::zeros());
-        for (i, g) in in_camera.iter().enumerate() {
+        for (i, g) in in_camera {
             if g.x == 0.0 && g.y == 0.0 && g.z == 0.0 {
                 continue;
             }
@@ -138,7 +145,7 @@ impl Chain<'_> {
             force += in_object;
             torque += self.points_in_object[i].cross(&in_object);
             push -= g;
-            twist -= self.points_in_camera[i].cross(g);
+            twist -= self.points_in_camera[i].cross(&g);
         }
         let join = |a: Vector3<f64>, b: Vector3<f64>| Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z);
         MaskGradient { loss, intersection, union, vertices, object: join(force, torque), camera: join(push, twist) }

@@ -5,6 +5,7 @@ mod areas;
 mod camera;
 mod common;
 mod envelope;
+mod exact;
 mod factor;
 mod kernel;
 mod levenberg_marquardt;
