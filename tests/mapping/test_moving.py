@@ -7,7 +7,7 @@ import pytest
 
 from meshslam.mapping import LeftOut, MappingConfig
 from meshslam.mapping import moving as mapping_moving
-from meshslam.moving import Begun, Estimated, Needed, ShapeEvidence, ShapePrior
+from meshslam.moving import Begun, Estimated, PathBounds, ShapeEvidence, ShapePrior
 
 MODES = 2
 
@@ -62,9 +62,9 @@ def test_tried_are_what_moves_what_fits_nowhere_and_what_the_motion_test_doubts(
 def test_a_path_must_reach_more_where_an_object_that_stands_fits_too(priors):
     config = MappingConfig()
     _, _, _, bounds = priors([LeftOut(1, "moves")], (1, 7), [stands(7, 26.0)])
-    assert bounds[1] == Needed(config.moving.min_gain, config.min_mask_iou)
+    assert bounds[1] == PathBounds(config.moving.min_gain, config.min_mask_iou)
     assert config.moving.standing_gain > config.moving.min_gain
-    assert bounds[7] == Needed(config.moving.standing_gain, config.moving.standing_mask_iou)
+    assert bounds[7] == PathBounds(config.moving.standing_gain, config.moving.standing_mask_iou)
     _, _, _, bounds = priors([], (6, 8), [stands(6, 26.0, mask_iou=0.3), stands(8, 26.0, mask_iou=0.63)])
     assert bounds[6].mask_iou == config.min_mask_iou
     assert bounds[8].mask_iou == pytest.approx(0.73)

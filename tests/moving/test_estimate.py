@@ -7,7 +7,7 @@ from meshslam.geometry import Pose, voxel_iou
 from meshslam.mapping.pipeline import make_scene
 from meshslam.mapping.work import first_pass
 from meshslam.maps import CameraPath
-from meshslam.moving import MovingConfig, Needed, ShapePrior, begin_moving, finish_moving
+from meshslam.moving import MovingConfig, PathBounds, ShapePrior, begin_moving, finish_moving
 from meshslam.objects import ObjectConfig, Occluders, Track
 
 FRAMES, INTERVAL_S = 14, 0.1
@@ -54,7 +54,7 @@ def estimated(car, camera, car_detection, as_set, drive):
         first = first_pass(track, scene, occluders)
         settings, prior = config or MovingConfig(), prior or ShapePrior.of_category(len(car.modes))
         begun = begin_moving(track, first.found.state, first.observed, scene, occluders, settings, prior)
-        made = finish_moving(begun, scene, occluders, settings, prior, needed or Needed(25.0, 0.6))
+        made = finish_moving(begun, scene, occluders, settings, prior, needed or PathBounds(25.0, 0.6))
         return made, poses, vertices
 
     return of
@@ -156,8 +156,8 @@ def test_its_size_follows_the_drives_other_cars_where_views_leave_it_open(estima
 
 def test_a_path_must_cost_less_and_fit_as_well_as_it_is_asked_to(estimated):
     for needed, said in (
-        (Needed(1e6, 0.6), "agree as well with one place"),
-        (Needed(25.0, 0.999), "does not fit its masks"),
+        (PathBounds(1e6, 0.6), "agree as well with one place"),
+        (PathBounds(25.0, 0.999), "does not fit its masks"),
     ):
         made, _, _ = estimated(oncoming, needed=needed)
         assert made.object is None
@@ -167,7 +167,9 @@ def test_a_path_must_cost_less_and_fit_as_well_as_it_is_asked_to(estimated):
 def test_a_car_in_a_queue_is_told_from_a_larger_one_further_away(estimated):
     """It creeps, halts and creeps ahead of the camera; one velocity gains little, the path much."""
     way = np.concatenate([[0.0], np.cumsum(np.where(np.arange(FRAMES - 1) % 10 < 5, 0.3, 0.1))])
-    made, _, _ = estimated(lambda i: Pose.from_yaw(0.0, np.array([14.0 + way[i], 2.6, 0.0])), needed=Needed(60.0, 0.85))
+    made, _, _ = estimated(
+        lambda i: Pose.from_yaw(0.0, np.array([14.0 + way[i], 2.6, 0.0])), needed=PathBounds(60.0, 0.85)
+    )
     assert made.object is not None, made.doubt
     driven = made.object.path.positions_in_world[-1] - made.object.path.positions_in_world[0]
     assert driven[0] == pytest.approx(way[-1], abs=0.4)

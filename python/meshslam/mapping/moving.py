@@ -14,7 +14,7 @@ from meshslam.moving import (
     Begun,
     Estimated,
     MovingConfig,
-    Needed,
+    PathBounds,
     ShapeEvidence,
     ShapePrior,
     begin_moving,
@@ -52,7 +52,7 @@ def map_moving(
     chosen = _to_try(left_out, tracks, stands, config) if config.moving.enabled else []
     modes, settings = scene.model.mode_count, config.moving
     needed = {one.work.observed.track.id: _in_its_place(one, config) for one in stands}
-    otherwise = Needed(settings.min_gain, config.min_mask_iou)
+    otherwise = PathBounds(settings.min_gain, config.min_mask_iou)
     of_standing = {one.work.observed.track.id: one.shape for one in stands}
     shapes: dict[int, ShapeEvidence | None] = dict(of_standing)
 
@@ -93,11 +93,11 @@ def _to_try(
     return [track for track in tracks if track.id in numbers]
 
 
-def _in_its_place(one: Finished, config: MappingConfig) -> Needed:
+def _in_its_place(one: Finished, config: MappingConfig) -> PathBounds:
     """What a path must reach to take an object's place that stands: its masks are explained well, or far better."""
     settings, overlap = config.moving, 0.0 if one.object is None else one.object.mask_iou or 0.0
     enough = min(settings.standing_mask_iou, overlap + settings.standing_mask_iou_step)
-    return Needed(settings.standing_gain, max(config.min_mask_iou, enough))
+    return PathBounds(settings.standing_gain, max(config.min_mask_iou, enough))
 
 
 def _is_doubtful(one: Finished, config: MovingConfig) -> bool:

@@ -6,14 +6,14 @@ from meshslam.deferred import deferred
 
 if TYPE_CHECKING:
     from meshslam.moving.config import MovingConfig
-    from meshslam.moving.estimate import Begun, Estimated, Needed, begin_moving, finish_moving
+    from meshslam.moving.estimate import Begun, Estimated, PathBounds, begin_moving, finish_moving
     from meshslam.moving.shape_prior import ShapeEvidence, ShapePrior
 else:
     __getattr__ = deferred(
         __name__,
         {
             "config": "MovingConfig",
-            "estimate": "Begun Estimated Needed begin_moving finish_moving",
+            "estimate": "Begun Estimated PathBounds begin_moving finish_moving",
             "shape_prior": "ShapeEvidence ShapePrior",
         },
     )
@@ -22,7 +22,7 @@ __all__ = [
     "Begun",
     "Estimated",
     "MovingConfig",
-    "Needed",
+    "PathBounds",
     "ShapeEvidence",
     "ShapePrior",
     "begin_moving",

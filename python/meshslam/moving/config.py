@@ -12,17 +12,11 @@ class MovingConfig(Settings):
     """How vehicles drive, and which tracks become moving objects; random walks per root of a second."""
 
     enabled: bool = expert(True)  # objects that drive are mapped with their paths, else left out
-    doubt_gain: float = expert(
-        4.0, low=0
-    )  # by which a velocity must lower a parked object's cost for a path to be tried
-    doubt_mask_iou: float = expert(
-        0.85, low=0, high=1
-    )  # mean mask IoU of a parked object below which one is tried, too
+    doubt_gain: float = expert(4.0, low=0)  # a path is tried where a velocity lowers a parked object's cost by more
+    doubt_mask_iou: float = expert(0.85, low=0, high=1)  # and where its mean mask IoU is lower
     standing_gain: float = expert(60.0, low=0)  # by which a path must cost less than a parked object to take its place
     standing_mask_iou: float = expert(0.85, low=0, high=1)  # that the path must reach, too,
-    standing_mask_iou_step: float = expert(
-        0.1, low=0, high=1
-    )  # unless it is better than the parked object's by so much
+    standing_mask_iou_step: float = expert(0.1, low=0, high=1)  # unless it exceeds the parked object's by so much
     min_views: int = expert(6, low=3)  # that an object needs
     max_views: int = expert(40, low=3)  # observations of an object that are used; every detection has a pose
     acceleration: float = expert(1.0, above=0, unit="m/s/√s")  # of the speed

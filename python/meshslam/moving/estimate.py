@@ -27,7 +27,7 @@ class Estimated:
 
 
 @dataclass(frozen=True)
-class Needed:
+class PathBounds:
     """What a path must reach to be believed."""
 
     gain: float  # by which it costs less than one place
@@ -72,7 +72,7 @@ def finish_moving(
     occluders: Occluders,
     config: MovingConfig,
     shapes: ShapePrior,
-    needed: Needed,
+    needed: PathBounds,
 ) -> Estimated:
     """Path and mesh with what the drive's other objects tell of shapes; or why it is no moving object."""
     if begun.state is None:
@@ -99,7 +99,7 @@ def _standing_cost(fit: PathFit, standing: ObjectState, scene: Scene) -> float:
     return min(costs)
 
 
-def _doubt(found: MovingObject, gain: float, config: MovingConfig, needed: Needed) -> str:
+def _doubt(found: MovingObject, gain: float, config: MovingConfig, needed: PathBounds) -> str:
     """Why the path is not to be believed; empty if it is."""
     path, overlap = found.path, found.body.mask_iou or 0.0
     way = float(np.linalg.norm(path.positions_in_world[-1] - path.positions_in_world[0]))

@@ -19,9 +19,7 @@ class LoopClosureConfig(Settings):
     min_views: int = expert(8, low=1)  # of a landmark in view, before it is compared
     max_distance_m: float = expert(25.0, above=0)  # and so near must it have been
     radius_m: float = expert(1.0, above=0)  # about where a known landmark is expected,
-    drift_share: float = expert(
-        0.02, low=0, high=1
-    )  # and so much more of the way over which the path has drifted since it was seen,
+    drift_share: float = expert(0.02, low=0, high=1)  # and so much more of the way drifted since it was seen,
     max_radius_m: float = expert(12.0, low="radius_m")  # at most
     heading_deg: float = expert(12.0, above=0, high=180)
     size_ratio: float = expert(0.15, low=0)  # of length, width and height, as logarithm
